@@ -16,7 +16,7 @@ LISTS = {
     "couple": ("couple",),
     "prepost": ("prepost/talus",),
 }
-IN_FORTRAN = re.compile(r"'([DINSPB]\d{3})'")
+IN_FORTRAN = re.compile(r"'([DINSPBW]\d{3})'")
 IN_PYTHON = re.compile(r"\bE5\d\d\b")
 ANY = re.compile(r"\b[A-Z]\d{3}\b")
 

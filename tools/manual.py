@@ -111,12 +111,13 @@ def errors_page() -> str:
     lines = [
         "# Error codes",
         "",
-        "The letter gives the exit code: D (deck) and I (input data) 1, N (numerical) 2,",
+        "The letter gives the exit code: W (warning) 0, D (deck) and I (input data) 1,",
     ]
     lines += [
-        "S (system) and P (partner) 4, B (bug) 5, E (Python tools) 1 or 4. Exit code 3 is no error:"
+        "N (numerical) 2, S (system) and P (partner) 4, B (bug) 5, E (Python tools) 1 or 4.",
+        "Exit code 3 is no error: the run stopped early on request and left a checkpoint.",
+        "",
     ]
-    lines += ["the run stopped early on request and left a checkpoint.", ""]
     for folder in ["common", "dem", "fem", "couple", "prepost"]:
         path = ROOT / folder / "errors.toml"
         if not path.exists():

@@ -37,7 +37,7 @@ from error_codes import check_codes  # noqa: E402
 
 from talus.verification import launcher  # noqa: E402
 
-CODE = re.compile(r"\berror ([A-Z]\d{3})")
+CODE = re.compile(r"\b(?:error|warning:) ([A-Z]\d{3})")
 LIMIT = 300.0
 
 

@@ -211,7 +211,7 @@ contains
     associate (rule => elastic%rule(elastic%rule_of(e)), m => elastic%moduli(:, e), &
                factor => elastic%factor(elastic%point(e):elastic%point(e + 1) - 1), &
                node => dofs%block(dofs%start(e):))
-      if (rule%modes > 0 .or. rule%one_point) then
+      if (rule%modes > 0 .or. rule%one_point .or. rule%linear_volume) then
         call batch_of_one(mesh, elastic, e, ke)
       else if (rule%brick) then
         call hex8_geometry(mesh%x(:, node(:8)), geometry)

@@ -13,7 +13,7 @@ module fem_points_tangent
   use fem_polar_element, only: polar_tangent
   use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
-  use fem_strain, only: mean_gradient, strain_matrix, add_product
+  use fem_strain, only: volume_gradients, strain_matrix, add_product
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -83,7 +83,8 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_work_type), intent(inout) :: work
     real(wp), intent(out) :: ke(:, :)
-    real(wp) :: mean(size(ke, 1)), b(size(ke, 1), 6)
+    real(wp) :: b(size(ke, 1), 6)
+    real(wp) :: fitted(size(ke, 1), elastic%rule(elastic%rule_of(work%element))%at%n)
     integer(i4) :: e, q, p
     e = work%element
     if (self%micro%active) then
@@ -106,10 +107,10 @@ contains
                             self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
         return
       end select
-      if (rule%bbar) call mean_gradient(work%shape, mean)
+      if (rule%bbar) call volume_gradients(rule, mesh%x(:, block), work%shape, fitted)
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
-        call strain_matrix(rule, work%shape, q, mean, b)
+        call strain_matrix(rule, work%shape, q, fitted(:, q), b)
         call add_product(int(size(ke, 1), i4), b, self%tangent(:6, :6, p), self%weight(p), ke)
       end do
     end associate

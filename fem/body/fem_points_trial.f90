@@ -14,7 +14,7 @@ module fem_points_trial
   use fem_points, only: fem_points_type, fem_work_type
   use fem_polar, only: full_of, symmetric_of
   use fem_polar_element, only: polar_answer
-  use fem_strain, only: mean_gradient, strain_of, add_force
+  use fem_strain, only: volume_gradients, strain_of, add_force
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -140,7 +140,7 @@ contains
     type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
     real(wp), dimension(3, elastic%rule(elastic%rule_of(work%element))%nodes) :: d, f, share
-    real(wp) :: mean(size(d))
+    real(wp) :: fitted(size(d), elastic%rule(elastic%rule_of(work%element))%at%n)
     real(wp) :: strain(6), stress(6), push(6), pressure
     logical :: good, wide
     integer(i4) :: e, q, p, n
@@ -151,13 +151,13 @@ contains
                block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
       n = self%law(self%law_of(e))%law%states
       call element_shape(rule%at, mesh%x(:, block), work%shape)
-      if (rule%bbar) call mean_gradient(work%shape, mean)
-      if (rule%bbar) share = reshape(mean, [3, rule%nodes])
+      if (rule%bbar) call volume_gradients(rule, mesh%x(:, block), work%shape, fitted)
       d = moved(:, block)
       f = 0.0_wp
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
         strain = strain_of(work%shape%u(:, :, q), d)
+        if (rule%bbar) share = reshape(fitted(:, q), [3, rule%nodes])
         if (rule%bbar) strain(:3) = strain(:3) + (sum(share*d) - sum(strain(:3)))/3.0_wp
         if (wide) then
           stress = self%accepted_stress(symmetric_of, p)

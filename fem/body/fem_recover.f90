@@ -5,6 +5,8 @@ module fem_recover
   use fem_layered, only: layered_stress
   use fem_elastic, only: fem_elastic_type, classical
   use fem_element, only: fem_shape_type, element_shape, element_stress, element_force, points_at
+  use fem_rules, only: fem_formulation_type
+  use fem_strain, only: volume_gradients
   use fem_hex8, only: hex8_geometry, hex8_geometry_type, hex8_stress, hex8_forces
   use fem_hourglass, only: lanes, one_point_size, one_point_data, one_point_force
   use fem_incompatible, only: add_mode_stress
@@ -69,6 +71,8 @@ contains
           return
         end if
         call element_stress(rule, shape, u(:, block), m, six_values)
+        if (rule%linear_volume) call fit_pressure(rule, mesh%x(:, block), shape, u(:, block), &
+          m(1) + 2.0_wp/3.0_wp*m(2), six_values)
       end if
     end associate
     if (size(stress, 1) == classical) then
@@ -78,6 +82,36 @@ contains
       stress(10:, :) = 0.0_wp
     end if
   end subroutine stress_of
+
+  !> Replace the volumetric strain in the stress of an element by that of B-bar.
+  subroutine fit_pressure(rule, x, shape, u, bulk, stress)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :), u(:, :), bulk  !! (3, nodes) [m], [Pa]
+    type(fem_shape_type), intent(in) :: shape
+    real(wp), intent(inout) :: stress(:, :)         !! (6, points) [Pa]
+    real(wp) :: fitted(3*rule%nodes, rule%at%n), volume
+    integer(i4) :: q
+    call volume_gradients(rule, x, shape, fitted)
+    do q = 1, rule%at%n
+      volume = dot_product(fitted(:, q), reshape(u, [3*rule%nodes])) - sum(shape%u(:, :, q)*u)
+      stress(:3, q) = stress(:3, q) + bulk*volume
+    end do
+  end subroutine fit_pressure
+
+  !> Forces of the mean stress act by the gradients of B-bar.
+  subroutine fit_forces(rule, x, shape, stress, factor, force)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :), stress(:, :), factor(:)  !! (3, nodes), (6, points), (points)
+    type(fem_shape_type), intent(in) :: shape
+    real(wp), intent(inout) :: force(:, :)                    !! (3, nodes) [N]
+    real(wp) :: fitted(3*rule%nodes, rule%at%n), push
+    integer(i4) :: q
+    call volume_gradients(rule, x, shape, fitted)
+    do q = 1, rule%at%n
+      push = factor(q)*shape%weight(q)*sum(stress(:3, q))/3.0_wp
+      force = force + push*(reshape(fitted(:, q), [3, rule%nodes]) - shape%u(:, :, q))
+    end do
+  end subroutine fit_forces
 
   !> Forces of the stress of element e, which has the components of the body.
   subroutine force_of(mesh, dofs, elastic, e, stress, force)
@@ -109,6 +143,8 @@ contains
         call element_force(rule, shape, stress, factor, force)
       else
         call element_force(rule, shape, six_values, factor, force)
+        if (rule%linear_volume) call fit_forces(rule, mesh%x(:, block), shape, six_values, factor, &
+          force)
       end if
     end associate
   end subroutine force_of

@@ -3,7 +3,8 @@
 !! fem_element; only pairs of blocks a <= b are computed.
 !!
 !! With G_ab = sum w g_a g_b', blocks are p G + q G' + r tr G I + s m_a m_b'; s and the mean
-!! gradients m are those of B-bar elements, where p = -2/3 mu, else p = lambda and s = 0.
+!! gradients m are those of B-bar elements, where p = -2/3 mu, else p = lambda and s = 0. Elements
+!! of linear volumetric strain have sum w K m_a m_b' with m those of fem_strain at each point.
 module fem_batch
   use talus_kinds, only: wp, i4
   use fem_hourglass, only: lanes, usual_share, hourglass, hourglass_moments, hourglass_stiffness
@@ -172,7 +173,8 @@ contains
     if (rule%modes > 0) call mode_gradients(rule, batch)
     call gradient_blocks(rule%at%n, rule%nodes + rule%modes, 0, batch%u, w, pqr, batch%k)
     if (rule%modes > 0) call condense(rule, batch)
-    if (rule%bbar) call add_mean(rule, w, batch)
+    if (rule%bbar .and. .not. rule%linear_volume) call add_mean(rule, w, batch)
+    if (rule%linear_volume) call add_linear_volume(rule, w, batch)
     if (rule%one_point) call add_hourglass(batch)
     if (rule%polar) call add_rotations(rule, w, batch)
   end subroutine batch_stiffness
@@ -321,6 +323,100 @@ contains
       end do
     end do
   end subroutine add_mean
+
+  !> The volumetric part where it is linear in space: bulk modulus times sum w m_a m_b'.
+  pure subroutine add_linear_volume(rule, w, batch)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: w(lanes, rule%at%n)
+    type(fem_batch_type), intent(inout) :: batch
+    real(wp) :: off(lanes, 3, rule%at%n), tilt(lanes, 3, rule%at%n)
+    real(wp) :: fitted(lanes, rule%at%n, 3, rule%nodes), scaled(lanes, rule%at%n, 3)
+    real(wp) :: bulk(lanes)
+    integer(i4) :: a, b, i, q
+
+    call linear_functions(rule, batch, off, tilt)
+    do a = 1, rule%nodes
+      do i = 1, 3
+        call fit_linear(rule%at%n, batch%weight, off, tilt, batch%u(:, i, :, a), fitted(:, :, i, a))
+      end do
+    end do
+    bulk = batch%moduli(:, 1) + two_thirds*batch%moduli(:, 2)
+    do b = 1, rule%nodes
+      do q = 1, rule%at%n
+        do i = 1, 3
+          scaled(:, q, i) = bulk*w(:, q)*fitted(:, q, i, b)
+        end do
+      end do
+      do a = 1, b
+        call add_outer(fitted(:, :, :, a), scaled, batch%k(:, :, pair(a, b)))
+      end do
+    end do
+  end subroutine add_linear_volume
+
+  !> Add the sum of a b' over the points to a block.
+  pure subroutine add_outer(a, b, k)
+    real(wp), intent(in) :: a(:, :, :), b(:, :, :)  !! (lanes, n, 3)
+    real(wp), intent(inout) :: k(:, :)              !! (lanes, 9)
+    integer(i4) :: i, j
+    do j = 1, 3
+      do i = 1, 3
+        k(:, i + 3*j - 3) = k(:, i + 3*j - 3) + sum(a(:, :, i)*b(:, :, j), dim=2)
+      end do
+    end do
+  end subroutine add_outer
+
+  !> Places of the points from the centroid, `off` [m], and these times the inverse of their second
+  !! moments, `tilt` [1/m^4].
+  pure subroutine linear_functions(rule, batch, off, tilt)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_batch_type), intent(in) :: batch
+    real(wp), intent(out) :: off(:, :, :), tilt(:, :, :)  !! (lanes, 3, n)
+    real(wp) :: centre(lanes, 3), second(lanes, 9), inverse(lanes, 9), det(lanes)
+    integer(i4) :: a, i, j, q
+    off = 0.0_wp
+    centre = 0.0_wp
+    second = 0.0_wp
+    do q = 1, rule%at%n
+      do a = 1, rule%nodes
+        off(:, :, q) = off(:, :, q) + rule%at%u(a, q)*batch%x(:, :, a)
+      end do
+      centre = centre + spread(batch%weight(:, q), 2, 3)*off(:, :, q)
+    end do
+    centre = centre/spread(sum(batch%weight, dim=2), 2, 3)
+    do q = 1, rule%at%n
+      off(:, :, q) = off(:, :, q) - centre
+      do j = 1, 3
+        do i = 1, 3
+          second(:, i + 3*j - 3) = second(:, i + 3*j - 3) &
+            + batch%weight(:, q)*off(:, i, q)*off(:, j, q)
+        end do
+      end do
+    end do
+    call invert(second, inverse, det)
+    do q = 1, rule%at%n
+      do i = 1, 3
+        tilt(:, i, q) = inverse(:, i)*off(:, 1, q) + inverse(:, i + 3)*off(:, 2, q) &
+          + inverse(:, i + 6)*off(:, 3, q)
+      end do
+    end do
+  end subroutine linear_functions
+
+  !> Least squares fit, linear in space, of values at the points, at the points.
+  pure subroutine fit_linear(n, weight, off, tilt, values, fitted)
+    integer(i4), intent(in) :: n
+    real(wp), intent(in) :: weight(lanes, n), off(lanes, 3, n), tilt(lanes, 3, n), values(lanes, n)
+    real(wp), intent(out) :: fitted(lanes, n)
+    real(wp) :: mean(lanes), slope(lanes, 3)
+    integer(i4) :: i, q
+    mean = sum(weight*values, dim=2)/sum(weight, dim=2)
+    do i = 1, 3
+      slope(:, i) = sum(weight*values*tilt(:, i, :), dim=2)
+    end do
+    do q = 1, n
+      fitted(:, q) = mean + slope(:, 1)*off(:, 1, q) + slope(:, 2)*off(:, 2, q) &
+        + slope(:, 3)*off(:, 3, q)
+    end do
+  end subroutine fit_linear
 
   !> Elastic stiffness of the twelve hourglass modes (fem_one_point), weighted as the point is.
   pure subroutine add_hourglass(batch)

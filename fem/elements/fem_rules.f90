@@ -11,19 +11,20 @@ module fem_rules
   public :: polar_rule, rules_for
 
   integer(i4), parameter :: name_size = 18
-  character(len=name_size), parameter :: rule_names(15) = [character(len=name_size) :: &
-    'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex8_one_point', 'hex20', 'hex27', 'tet4', &
+  character(len=name_size), parameter :: rule_names(16) = [character(len=name_size) :: &
+    'hex8_bbar', 'hex8_full', 'hex8_incompatible', 'hex8_one_point', 'hex20', 'hex27', &
+    'hex27_bbar', 'tet4', &
     'tet10', 'wedge6', 'hex8/hex8', &
     'hex20/hex8', 'hex27/hex8', 'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
-  integer(i4), parameter :: kind_u(15) = [hex8, hex8, hex8, hex8, hex20, hex27, &
-    tet4, tet10, wedge6, hex8, hex20, hex27, hex20, &
+  integer(i4), parameter :: kind_u(16) = [hex8, hex8, hex8, hex8, hex20, hex27, &
+    hex27, tet4, tet10, wedge6, hex8, hex20, hex27, hex20, &
     tet4, tet10]
-  integer(i4), parameter :: kind_phi(15) = [0, 0, 0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
+  integer(i4), parameter :: kind_phi(16) = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, hex8, hex8, &
     hex8, hex20, tet4, tet4]
   !> Degree of the polynomials that the stiffness, and the mass, integrate exactly on undistorted
   !! elements; for hexahedra 3 means two points and 5 three points a direction.
-  integer(i4), parameter :: degree(15) = [3, 3, 3, 1, 5, 5, 1, 2, 2, 3, 5, 5, 5, 2, 2]
-  integer(i4), parameter :: mass_degree(15) = [3, 3, 3, 3, 5, 5, 2, 4, 2, 3, 5, 5, 5, 2, 4]
+  integer(i4), parameter :: degree(16) = [3, 3, 3, 1, 5, 5, 5, 1, 2, 2, 3, 5, 5, 5, 2, 2]
+  integer(i4), parameter :: mass_degree(16) = [3, 3, 3, 3, 5, 5, 5, 2, 4, 2, 3, 5, 5, 5, 2, 4]
 
   !> Shape functions of both fields at quadrature points.
   type :: fem_points_type
@@ -44,7 +45,8 @@ module fem_rules
     integer(i4) :: modes = 0    !! incompatible modes 1 - xi_i^2, condensed in the element
     logical :: polar = .false.
     logical :: brick = .false.  !! hex8 by its own routines
-    logical :: bbar = .false.
+    logical :: bbar = .false.   !! volumetric strain by its fit in the element: the mean, or if ...
+    logical :: linear_volume = .false.  !! ... linear in space
     logical :: hrz = .false.    !! lumped mass by scaling the diagonal, else by row sums
     type(fem_points_type) :: at       !! for stiffness and stress
     type(fem_points_type) :: mass_at  !! for mass and body forces
@@ -117,7 +119,8 @@ contains
     if (rule%polar) rule%rotations = node_count(kind_phi(k))
     rule%one_point = rule%name == 'hex8_one_point'
     rule%brick = rule%kind == hex8 .and. .not. (rule%polar .or. rule%one_point)
-    rule%bbar = rule%name == 'hex8_bbar'
+    rule%linear_volume = rule%name == 'hex27_bbar'
+    rule%bbar = rule%name == 'hex8_bbar' .or. rule%linear_volume
     rule%hrz = rule%kind == hex20 .or. rule%kind == tet10
     call evaluate(rule%kind, kind_phi(k), degree(k), rule%at)
     call evaluate(rule%kind, kind_phi(k), mass_degree(k), rule%mass_at)

@@ -1,31 +1,56 @@
 !> Strain of classical elements at a quadrature point, as the transposed matrix B' (3 nodes, 6):
-!! xx yy zz xy yz zx with engineering shears. With B-bar the volumetric part is the mean over the
-!! element.
+!! xx yy zz xy yz zx with engineering shears. With B-bar the volumetric part is its mean over the
+!! element, or its least squares fit that is linear in space.
 module fem_strain
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use fem_element, only: fem_shape_type
   use fem_rules, only: fem_formulation_type
   implicit none
   private
-  public :: mean_gradient, strain_matrix, add_product, strain_of, add_force
+  public :: volume_gradients, strain_matrix, add_product, strain_of, add_force
 
 contains
 
-  !> Volume means of the gradients (3 nodes) [1/m].
-  pure subroutine mean_gradient(shape, mean)
+  !> Gradients that make the volumetric strain of B-bar at every point (3 nodes, n) [1/m].
+  pure subroutine volume_gradients(rule, x, shape, fitted)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :)          !! (3, nodes) [m]
     type(fem_shape_type), intent(in) :: shape
-    real(wp), intent(out) :: mean(:)
-    integer(i4) :: a, q
+    real(wp), intent(out) :: fitted(:, :)
+    real(wp) :: mean(3*rule%nodes), moment(3*rule%nodes, 3), off(3, rule%at%n), spread_of(3, 3)
+    real(wp) :: volume
+    integer(i4) :: q, j
+
+    volume = sum(shape%weight)
+    off = matmul(x, rule%at%u)
+    off = off - spread(matmul(off, shape%weight)/volume, 2, rule%at%n)  ! from the centroid
     mean = 0.0_wp
-    do q = 1, size(shape%weight)
-      do a = 1, size(shape%u, 2)
-        mean(3*a - 2:3*a) = mean(3*a - 2:3*a) + shape%weight(q)*shape%u(:, a, q)
+    moment = 0.0_wp
+    spread_of = 0.0_wp
+    do q = 1, rule%at%n
+      mean = mean + shape%weight(q)*reshape(shape%u(:, :, q), [3*rule%nodes])
+      do j = 1, 3
+        moment(:, j) = moment(:, j) &
+          + shape%weight(q)*off(j, q)*reshape(shape%u(:, :, q), [3*rule%nodes])
+        spread_of(:, j) = spread_of(:, j) + shape%weight(q)*off(j, q)*off(:, q)
       end do
     end do
-    mean = mean/sum(shape%weight)
-  end subroutine mean_gradient
+    fitted = spread(mean/volume, 2, rule%at%n)
+    if (rule%linear_volume) fitted = fitted + matmul(moment, matmul(inverse_of(spread_of), off))
+  end subroutine volume_gradients
 
-  !> B' of point q; `mean` counts with B-bar alone.
+  !> Inverse of a symmetric 3 x 3 matrix.
+  pure function inverse_of(a) result(b)
+    real(wp), intent(in) :: a(3, 3)
+    real(wp) :: b(3, 3)
+    b(:, 1) = cross(a(:, 2), a(:, 3))
+    b(:, 2) = cross(a(:, 3), a(:, 1))
+    b(:, 3) = cross(a(:, 1), a(:, 2))
+    b = b/dot_product(a(:, 1), b(:, 1))
+  end function inverse_of
+
+  !> B' of point q; `mean`, the gradients of its volumetric strain, counts with B-bar alone.
   pure subroutine strain_matrix(rule, shape, q, mean, b)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_shape_type), intent(in) :: shape

@@ -107,7 +107,8 @@ contains
         call reply%put(field_moduli, body%elastic%moduli)
       end if
       call reply%put_int(field_mean, merge(1_i4, 0_i4, &
-        body%elastic%rule(body%elastic%rule_of)%bbar))
+        body%elastic%rule(body%elastic%rule_of)%bbar .and. &
+        .not. body%elastic%rule(body%elastic%rule_of)%linear_volume))
     case (what_groups)
       call reply%put_text(field_names, lines(body%mesh))
     case (what_group)

@@ -21,6 +21,7 @@ module fem_model
   use fem_deck_keys, only: fem_deck_table
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
+  use fem_locking, only: locking_warning
   use fem_mm_report, only: energy_warning
   use fem_output, only: fem_output_type
   use fem_restart, only: write_checkpoint, read_checkpoint
@@ -94,7 +95,7 @@ contains
     if (errors%any()) return
     call read_body(self%deck, self%body, self%analysis, errors)
     if (errors%any()) return
-    call moduli_warnings(self)
+    call element_warnings(self)
     if (self%served) call self%analysis%check_port(self%deck, errors)
     call self%analysis%read_times(self%deck, self%served, errors)
     call read_storage(self%deck, folder_of(self%options%deck), self%body%system%solver)
@@ -116,19 +117,23 @@ contains
       str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
   end subroutine refuse_ranks
 
-  !> Stored energies of micromorphic solids that could be negative.
-  subroutine moduli_warnings(self)
+  !> Elements that lock, and stored energies of micromorphic solids that could be negative.
+  subroutine element_warnings(self)
     class(fem_model_type), intent(inout) :: self
     character(len=:), allocatable :: text
     integer(i4) :: m
-    if (.not. self%body%matter%micro%active) return
+    if (.not. self%body%matter%micro%active) then
+      text = locking_warning(self%body%elastic)
+      if (len(text) > 0) call append_string(self%warnings, text)
+      return
+    end if
     do m = 1, size(self%body%matter%micro%law)
       if (.not. any(self%body%matter%micro%law_of == m)) cycle
       text = energy_warning(self%body%matter%micro%law(m)%elastic)
       if (len(text) > 0) call append_string(self%warnings, 'the stored energy of micromorphic '// &
         'solid '//str(m)//' is not positive definite: '//text)
     end do
-  end subroutine moduli_warnings
+  end subroutine element_warnings
 
   !> Matrices; with a deck of its own also the factors. A checkpoint if one is requested.
   subroutine prepare(self, errors)

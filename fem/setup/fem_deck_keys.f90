@@ -445,14 +445,17 @@ contains
       //' hexahedra lock when the coupling number nears 1. `auto`: `hex8_bbar`, or the ' &
       //'kind of the cells; in these solids `hex20/hex8`, `hex27/hex8`, `tet10/tet4`, and' &
       //' equal orders for linear cells. `hex8_bbar` uses the mean volumetric strain over' &
-      //' the element and does not lock near incompressibility; `hex8_full` is plain 2 x ' &
-      //'2 x 2 integration; `hex8_incompatible` adds modes inside the element and bends ' &
-      //'well, best with bricks that are nearly rectangular; `hex8_one_point` has the ' &
-      //'mean strain alone and an elastic hourglass control, for fast explicit runs.')
+      //' the element and does not lock near incompressibility; `hex27_bbar` the ' &
+      //'volumetric strain that is linear in the element and fits it best, for exact ' &
+      //'stresses there, too; `hex8_full` is plain 2 x 2 x 2 integration; ' &
+      //'`hex8_incompatible` adds modes inside the element and bends well, best with ' &
+      //'bricks that are nearly rectangular; `hex8_one_point` has the mean strain alone ' &
+      //'and an elastic hourglass control, for fast explicit runs.')
     call table%preset('auto')
     call table%allow(&
-      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|tet4|tet10' &
-      //'|wedge6|hex8/hex8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/tet4')
+      'auto|hex8_bbar|hex8_full|hex8_incompatible|hex8_one_point|hex20|hex27|hex27_bbar' &
+      //'|tet4|tet10|wedge6|hex8/hex8|hex20/hex8|hex27/hex8|hex20/hex20|tet4/tet4|tet10/t' &
+      //'et4')
     call table%add_key('hourglass', 'real', '', &
       'Hourglass control of `hex8_one_point`, as a share of the largest stiffness of ' &
       //'uniform strains. Full integration has 0.06 to 0.14; 1/9 makes a beam one cube ' &

@@ -113,6 +113,11 @@ contains
       'layers and joints are elastic: run them alone')
     do e = 1, body%mesh%elements
       associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
+        if (rule%linear_volume .and. body%matter%law(body%matter%law_of(e))%law%finite) then
+          call deck%fault(errors, 'D334', 'element '//str(e)//' is hex27_bbar at finite strain', &
+            'section', 1, 'element', 'its volumetric strain is a small one: use hex8_bbar')
+          return
+        end if
         if (rule%modes == 0 .and. .not. rule%one_point) cycle
         call deck%fault(errors, 'D334', 'element '//str(e)//' is '//trim(rule%name)// &
           ', which has elastic laws alone, in a body that has one with a state', 'section', 1, &

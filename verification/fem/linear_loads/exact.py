@@ -1,7 +1,7 @@
 """Blocks whose stress is linear in space, and one afloat: loads that vary linearly."""
 
 import numpy as np
-from solid import save
+from solid import save, shape_of
 
 from talus.mesh import Mesh, box
 from talus.orders import converted
@@ -10,7 +10,7 @@ from talus.verification import Case, field_steps
 YOUNG, POISSON, SIZE = 2.0e7, 0.3, np.array([2.0, 1.0, 1.5])
 LAME = YOUNG * POISSON / ((1 + POISSON) * (1 - 2 * POISSON))
 SHEAR = YOUNG / (2 * (1 + POISSON))
-ELEMENTS = ("hex20", "hex27", "tet10")
+ELEMENTS = ("hex20", "hex27", "hex27_bbar", "tet10")
 NORMALS = {f"{c}{side}": (2 * side - 1) * np.eye(3)[k] for k, c in enumerate("xyz")
            for side in (0, 1)}  # fmt: skip
 ORIGIN = np.array([0.3, -0.2, 0.7])
@@ -57,7 +57,7 @@ def words(values: np.ndarray) -> str:
 
 def judge(case: Case, label: str, kind: str, h: np.ndarray, q: np.ndarray, loads: str) -> float:
     """Run a block and judge displacements and stresses of elements against the exact ones."""
-    mesh = block(kind)
+    mesh = block(shape_of(kind))
     save(mesh, case.folder / "block.h5")
     slope = stress_of(2 * q)  # (i, j, k) of stress ij along x_k
     force = -np.einsum("ijj->i", slope)

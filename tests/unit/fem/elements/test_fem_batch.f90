@@ -14,11 +14,13 @@ program test_fem_batch
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
   use fem_shape, only: reference_nodes
   use fem_sparse, only: fem_pattern_type, make_pattern, place
+  use fem_strain, only: volume_gradients, strain_matrix, add_product
   use fem_types, only: fem_mesh_type
   implicit none
   type(test_type) :: test
-  character(len=*), parameter :: names(13) = [character(len=11) :: 'hex8_bbar', 'hex8_full', &
-    'hex20', 'hex27', 'tet4', 'tet10', 'wedge6', 'hex8/hex8', 'hex20/hex8', 'hex27/hex8', &
+  character(len=*), parameter :: names(14) = [character(len=11) :: 'hex8_bbar', 'hex8_full', &
+    'hex20', 'hex27', 'hex27_bbar', &
+    'tet4', 'tet10', 'wedge6', 'hex8/hex8', 'hex20/hex8', 'hex27/hex8', &
     'hex20/hex20', 'tet4/tet4', 'tet10/tet4']
   real(wp), parameter :: moduli(6) = [1.3_wp, 0.8_wp, 0.4_wp, 0.1_wp, 0.2_wp, 0.5_wp]
   integer(i4) :: k
@@ -107,8 +109,36 @@ contains
     else
       call element_shape(rule%at, x, shape)
       call element_stiffness(rule, shape, m, factor, k)
+      if (rule%linear_volume) call by_strains(rule, x, shape, factor, m, k)
     end if
   end subroutine single
+
+  !> Stiffness by the strains of B-bar at every point: sum w B' D B.
+  subroutine by_strains(rule, x, shape, factor, m, k)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :), factor(:), m(6)
+    type(fem_shape_type), intent(in) :: shape
+    real(wp), intent(out) :: k(:, :, :, :)
+    real(wp) :: fitted(3*rule%nodes, rule%at%n), b(3*rule%nodes, 6), d(6, 6)
+    real(wp) :: whole(3*rule%nodes, 3*rule%nodes)
+    integer(i4) :: q, i, j
+    d = 0.0_wp
+    d(:3, :3) = m(1)
+    do i = 1, 6
+      d(i, i) = d(i, i) + merge(2.0_wp, 1.0_wp, i <= 3)*m(2)
+    end do
+    whole = 0.0_wp
+    call volume_gradients(rule, x, shape, fitted)
+    do q = 1, rule%at%n
+      call strain_matrix(rule, shape, q, fitted(:, q), b)
+      call add_product(3*rule%nodes, b, d, shape%weight(q)*factor(q), whole)
+    end do
+    do j = 1, rule%nodes
+      do i = 1, rule%nodes
+        k(:, :, i, j) = whole(3*i - 2:3*i, 3*j - 2:3*j)
+      end do
+    end do
+  end subroutine by_strains
 
   subroutine single_mass(rule, x, mass)
     type(fem_formulation_type), intent(in) :: rule
