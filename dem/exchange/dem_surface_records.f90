@@ -3,19 +3,19 @@ module dem_surface_records
   use talus_kinds, only: wp, i4, i8
   use dem_make, only: sorted_order
   use dem_record_layout, only: touch_grain, touch_count, touch_load, slot_history, slot_foot, &
-    slot_normal, slot_point, slot_push, slot_motion, slot_part, slot_sign
+    slot_normal, slot_point, slot_push, slot_motion, slot_part, slot_sign, slot_offset
   use dem_records, only: index_of
   use dem_state, only: dem_data_type, lanes
   use dem_surface_additional, only: surface_kept_reals
   use dem_surface_contacts, only: begin_list, allocate_contacts, drop_contacts, set_contacts, &
-    set_slots, set_kept
+    set_slots, set_offsets, set_kept
   use dem_surface_state, only: dem_touches_type
   implicit none
   private
   public :: pack_touches, receive_touches, pack_touch, unpack_touch
 
   integer(i4), parameter :: head_reals = touch_load(2)  !! of a grain that has contacts
-  integer(i4), parameter :: slot_reals = slot_sign      !! of a contact, without additional models
+  integer(i4), parameter :: slot_reals = slot_offset(2)  !! of a contact, without additional models
 
 contains
 
@@ -76,6 +76,7 @@ contains
       slot(:, slot_motion(1):slot_motion(2)) = s%list%motion(:n, :, g)
       slot(:, slot_part) = real(s%list%part(:n, g), wp)
       slot(:, slot_sign) = s%list%sign(:n, g)
+      slot(:, slot_offset(1):slot_offset(2)) = s%list%offset(:n, :, g)
       row(head_reals + 1:base) = reshape(slot, [size(slot)])
       if (size(s%list%kept) > 0) row(base + 1:) = [s%list%kept(:n, :, g), s%list%couple(:n, :, g)]
     end associate
@@ -93,6 +94,7 @@ contains
     call set_contacts(list, g, nint(row(touch_count), i4), nint(slot(:, slot_part), i4), &
                       slot(:, slot_sign), row(touch_load(1):touch_load(2)))
     call set_slots(list, g, slot)
+    call set_offsets(list, g, slot(:, slot_offset(1):slot_offset(2)))
     if (size(list%kept) == 0) return
     kept = size(list%kept, 2, i4)
     call set_kept(list, g, reshape(row(base + 1:base + n*kept), [n, kept]), &
@@ -113,7 +115,7 @@ contains
       grain = [(index_of(d, rows(touch_grain, g)), g=1, n)]
       order = sorted_order(int(grain, i8))
       call begin_list(s%list, grain(order), [(1_i4, g=1, n + 1)], [integer(i4) ::], &
-                      [(0.0_wp, g=1, n)])
+                      reshape([real(wp) ::], [3, 0]), [(0.0_wp, g=1, n)])
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       do g = 1, n
         call unpack_touch(rows(:, order(g)), s%list, g, slots)

@@ -116,7 +116,7 @@ contains
         list%point(:, n) = d%surfaces%list%point(k, :, g)
         list%normal(:, n) = d%surfaces%list%normal(k, :, g)
         list%branch(:, n) = d%grains%x(:, d%surfaces%list%near_grain(g)) &
-                            - d%surfaces%centre(:, b)
+                            - d%surfaces%list%offset(k, :, g) - d%surfaces%centre(:, b)
         list%force(:, n) = d%surfaces%list%push(k, :, g)
         list%spring(:, n) = d%surfaces%list%history(k, 1:3, g)
         list%stiffness(:, n) = surface_stiffness(d, k, g)

@@ -10,7 +10,7 @@ module dem_rank_memory
   use dem_domains, only: cut_domains, rank_at, ranks_near, place_of, turn_to_cell
   use dem_halo_state, only: dem_halo_type
   use dem_migrate, only: slab, most_imbalance
-  use dem_record_layout, only: slot_sign
+  use dem_record_layout, only: slot_offset
   use dem_records, only: grain_reals, contact_reals, carried
   use dem_state, only: dem_data_type, kind_free, lanes, body_size, history_size, result_size
   use dem_surface_additional, only: surface_kept_reals
@@ -26,8 +26,8 @@ module dem_rank_memory
   integer(i4), parameter :: target_reals = 7        !! of a prescribed grain, not in its record
   integer(i4), parameter :: prescribed_reals = 11   !! in it, that others have no room for
   integer(i4), parameter :: list_reals = 9          !! of a body, in the list
-  integer(i4), parameter :: touch_reals = slot_sign  !! of a contact with a surface
-  integer(i4), parameter :: candidate_reals = 10    !! of what is near a grain: forces on corners
+  integer(i4), parameter :: touch_reals = slot_offset(2)  !! of a contact with a surface
+  integer(i4), parameter :: candidate_reals = 13    !! of what is near a grain: forces on corners
   integer(i4), parameter :: vertex_reals = 30, triangle_reals = 10  !! of surfaces, on all ranks
 
   !> Load of each rank. Contacts are those with a history.

@@ -17,7 +17,7 @@ module dem_run_start
   use dem_surcharge_renew, only: renew_surcharge
   use dem_setup_bodies, only: read_bodies
   use dem_setup_membranes, only: read_membranes
-  use dem_setup_surfaces, only: refuse_cell
+  use dem_setup_surface_cell, only: check_surfaces_in_cell
   use dem_view, only: wall_stiffness_of
   use dem_deck_keys, only: dem_deck_table
   use dem_run_state, only: dem_run_state_type, program_name
@@ -86,8 +86,8 @@ contains
     call read_cell(self%deck, self%packing, self%choices%wall, self%served, self%system, errors)
     call check_regions(self%deck, self%system, self%measures, errors)
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
-    call refuse_cell(self%deck, self%system%cell%active, errors)
     call read_bodies(self%deck, self%served, self%system%surfaces, errors)
+    call check_surfaces_in_cell(self%deck, self%system%cell, self%system%surfaces, errors)
     call read_membranes(self%deck, self%choices%wall, self%served, self%system, errors)
     call self%drive%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                          errors)

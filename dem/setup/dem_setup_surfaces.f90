@@ -1,4 +1,4 @@
-!> Surfaces, penetrometers and cylinders of the deck. Faults D270 to D274, D289; those of
+!> Surfaces, penetrometers and cylinders of the deck. Faults D270 to D273, D289; those of
 !! files see dem_stl, dem_surface_file and dem_surface_make.
 module dem_setup_surfaces
   use talus_kinds, only: wp, i4
@@ -16,7 +16,7 @@ module dem_setup_surfaces
   use dem_surface_values, only: add_mesh, add_cone, add_cylinder, set_velocity
   implicit none
   private
-  public :: read_surfaces, check_units, refuse_cell
+  public :: read_surfaces, check_units
 
   character(len=12), parameter :: groups(4) = [character(len=12) :: 'surface', 'penetrometer', &
     'cylinder', 'membrane']
@@ -250,29 +250,6 @@ contains
     if (errors%count > before) return
     call add_mesh(s, mesh, name, surface_membrane, number, soft_smooth, [0.0_wp, 0.0_wp, 0.0_wp])
   end subroutine read_membrane
-
-  !> The first group of a surface of any kind in the deck.
-  function first_group(deck) result(group)
-    type(deck_type), intent(in) :: deck
-    character(len=:), allocatable :: group
-    integer(i4) :: g
-    do g = 1, size(groups)
-      group = trim(groups(g))
-      if (deck%count(group) > 0) return
-    end do
-  end function first_group
-
-  !> Grains meet surfaces where they are, not their images: no surface in a periodic cell (D274).
-  subroutine refuse_cell(deck, periodic, errors)
-    type(deck_type), intent(in) :: deck
-    logical, intent(in) :: periodic
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: group
-    group = first_group(deck)
-    if (.not. periodic .or. deck%count(group) == 0) return
-    call deck%fault(errors, 'D274', 'a periodic cell has no surfaces', group, 1, '', &
-                    'take the cell out, or give walls along its periodic edges')
-  end subroutine refuse_cell
 
   !> A surface far larger than the bed or far smaller than a grain has another unit, unless the deck
   !! gives scale (D272); no grain fits into a bore narrower than itself (D289).

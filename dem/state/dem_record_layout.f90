@@ -19,7 +19,7 @@ module dem_record_layout
   public :: at_first_id, at_second_id, at_normal, at_history, at_result, at_shift, contact_columns
   public :: touch_grain, touch_count, touch_load, touch_head_columns
   public :: slot_history, slot_foot, slot_normal, slot_point, slot_push, slot_motion, slot_part, &
-    slot_sign, slot_columns
+    slot_sign, slot_offset, slot_columns
   public :: list_ids, list_point, list_normal, list_branch, list_force, list_spring, &
     list_stiffness, list_overlap, list_columns
   public :: target_position, target_quat, target_velocity, target_spin, target_given, &
@@ -97,9 +97,10 @@ module dem_record_layout
   integer(i4), parameter :: slot_motion(2) = slot_push(2) + [1, 6]
   integer(i4), parameter :: slot_part = slot_motion(2) + 1
   integer(i4), parameter :: slot_sign = slot_part + 1
-  integer(i4), parameter :: slot_columns(2, 8) = reshape([ &
+  integer(i4), parameter :: slot_offset(2) = slot_sign + [1, 3]
+  integer(i4), parameter :: slot_columns(2, 9) = reshape([ &
     slot_history, slot_foot, slot_normal, slot_point, slot_push, slot_motion, slot_part, &
-    slot_part, slot_sign, slot_sign], [2, 8])
+    slot_part, slot_sign, slot_sign, slot_offset], [2, 9])
 
   ! A contact as it is written to fields.
   integer(i4), parameter :: list_ids(2) = [1, 2]

@@ -112,6 +112,8 @@ module dem_surface_state
     integer(i4), allocatable :: near_grain(:)  !! (near) ascending
     integer(i4), allocatable :: near_start(:)  !! (near+1)
     integer(i4), allocatable :: candidate(:)   !! triangles, and round bodies as -body
+    real(wp), allocatable :: image(:, :)       !! (3, candidates) from the surface to its image that
+                                               !! is near, in a periodic cell [m]
     real(wp), allocatable :: least_gap(:)      !! (near) of bounding spheres, at the list [m]
     integer(i4), allocatable :: near_of(:)     !! (grains) place among the near ones, or 0
     integer(i4), allocatable :: contacts(:)    !! (near)
@@ -125,6 +127,8 @@ module dem_surface_state
     real(wp), allocatable :: push(:, :, :)     !! (slots, 3, near) force on the grain [N]
     real(wp), allocatable :: motion(:, :, :)   !! (slots, 6, near) velocity, spin of the surface
     integer(i4), allocatable :: part(:, :)     !! (slots, near)
+    real(wp), allocatable :: offset(:, :, :)   !! (slots, 3, near) from the surface to the image of
+                                               !! the contact [m]
     real(wp), allocatable :: kept(:, :, :)     !! (slots, reals, near) for additional models, none
                                                !! without them; see dem_additional_state
     real(wp), allocatable :: couple(:, :, :)   !! (slots, 3, near) on the grain besides the force

@@ -9,11 +9,12 @@ module dem_passages
   use talus_homogenise, only: inverse_of
   use talus_text, only: str
   use talus_vectors, only: cross
-  use dem_cell, only: is_periodic
+  use dem_cell, only: is_periodic, shift_of
   use dem_gap, only: solve_gap
   use dem_shape_gap, only: solve_shapes
   use dem_shape_state, only: shape_ellipsoid
   use dem_state, only: dem_data_type, kind_free, kind_mirror
+  use dem_surface_images, only: reached_images
   use dem_surface_state, only: dem_surfaces_type, is_round, is_bore, is_cylinder
   implicit none
   private
@@ -148,18 +149,39 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: i
     real(wp), intent(in) :: h
-    real(wp) :: x(3), v(3)
     integer(i4) :: b
 
     if (d%grains%kind(i) /= kind_free) return
-    x = d%pairs%body(1:3, i)
-    v = d%pairs%body(4:6, i)
     do b = 1, d%surfaces%n
-      if (.not. crosses_body(d%surfaces, b, x, h*(v - velocity_at(d%surfaces, b, x)))) cycle
+      if (.not. passes_images(d, i, b, h)) cycle
       d%health%passed = [d%grains%id(i), -int(b, i8)]
       return
     end do
   end subroutine pass_surfaces
+
+  !> Has the centre of grain i passed through an image of body b in this step?
+  logical function passes_images(d, i, b, h) result(passes)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i, b
+    real(wp), intent(in) :: h
+    real(wp) :: x(3), v(3)
+    integer(i4) :: first(3), last(3), m1, m2, m3
+
+    passes = .false.
+    x = d%pairs%body(1:3, i)
+    v = d%pairs%body(4:6, i)
+    call reached_images(d%surfaces, b, d%cell, x, h*norm2(v - velocity_at(d%surfaces, b, x)), &
+                        first, last)
+    do m3 = first(3), last(3)
+      do m2 = first(2), last(2)
+        do m1 = first(1), last(1)
+          x = d%pairs%body(1:3, i) - shift_of(d%cell, [m1, m2, m3])
+          passes = passes .or. crosses_body(d%surfaces, b, x, &
+                                            h*(v - velocity_at(d%surfaces, b, x)))
+        end do
+      end do
+    end do
+  end function passes_images
 
   !> Does the way that ends at x lead through body b?
   pure logical function crosses_body(s, b, x, way) result(crosses)

@@ -15,21 +15,23 @@ module dem_surface_contacts
   private
   public :: begin_list, allocate_contacts, keep_contacts, take_contacts, drop_contacts
   public :: leave_grain, keep_touches, keep_more, keep_block, set_loads
-  public :: set_contacts, set_slots, set_kept, set_shares
+  public :: set_contacts, set_slots, set_offsets, set_kept, set_shares
 
 contains
 
   !> What is near which grain, without contacts yet.
-  pure subroutine begin_list(list, grain, start, candidate, gap)
+  pure subroutine begin_list(list, grain, start, candidate, image, gap)
     type(dem_touches_type), intent(inout) :: list
     integer(i4), intent(in) :: grain(:)      !! (near) ascending
     integer(i4), intent(in) :: start(:)      !! (near+1)
     integer(i4), intent(in) :: candidate(:)  !! see dem_touches_type
+    real(wp), intent(in) :: image(:, :)      !! (3, candidates) [m]
     real(wp), intent(in) :: gap(:)           !! (near) [m]
     list%near = size(grain)
     list%near_grain = grain
     list%near_start = start
     list%candidate = candidate
+    list%image = image
     list%least_gap = gap
   end subroutine begin_list
 
@@ -48,7 +50,7 @@ contains
       allocate (s%list%sign(n, s%list%near), source=1.0_wp)
       allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
                 s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
-                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
+                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), s%list%offset(n, 3, s%list%near), &
                 s%list%load(6, s%list%near), s%list%columns(column_count, s%list%near), &
                 source=0.0_wp)
     end associate
@@ -74,6 +76,7 @@ contains
     call move_alloc(list%point, old%point)
     call move_alloc(list%push, old%push)
     call move_alloc(list%motion, old%motion)
+    call move_alloc(list%offset, old%offset)
     call move_alloc(list%part, old%part)
     call move_alloc(list%sign, old%sign)
     call move_alloc(list%load, old%load)
@@ -97,6 +100,7 @@ contains
       list%point(:, :, g) = old%point(:, :, k)
       list%push(:, :, g) = old%push(:, :, k)
       list%motion(:, :, g) = old%motion(:, :, k)
+      list%offset(:, :, g) = old%offset(:, :, k)
       list%part(:, g) = old%part(:, k)
       list%sign(:, g) = old%sign(:, k)
       list%load(:, g) = old%load(:, k)
@@ -138,6 +142,7 @@ contains
       list%normal(k, :, g) = touches%normal(:, k)
       list%point(k, :, g) = touches%foot(:, k) + history(k, history_point:history_point + 2)
       list%motion(k, :, g) = touches%motion(:, k)
+      list%offset(k, :, g) = touches%offset(:, k)
       list%part(k, g) = touches%part(k)
       list%push(k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
     end do
@@ -173,6 +178,7 @@ contains
       list%point(low + k, :, g) = touches%foot(:, low + k) &
         + history(k, history_point:history_point + 2)
       list%motion(low + k, :, g) = touches%motion(:, low + k)
+      list%offset(low + k, :, g) = touches%offset(:, low + k)
       list%part(low + k, g) = touches%part(low + k)
       list%sign(low + k, g) = touches%sign(low + k)
       list%push(low + k, :, g) = [block%load%fx(k), block%load%fy(k), block%load%fz(k)]
@@ -217,6 +223,14 @@ contains
     list%push(:n, :, g) = slot(:, slot_push(1):slot_push(2))
     list%motion(:n, :, g) = slot(:, slot_motion(1):slot_motion(2))
   end subroutine set_slots
+
+  !> From the surfaces to the images that near grain g touches in its first slots.
+  pure subroutine set_offsets(list, g, offset)
+    type(dem_touches_type), intent(inout) :: list
+    integer(i4), intent(in) :: g
+    real(wp), intent(in) :: offset(:, :)  !! (slots or fewer, 3) [m]
+    list%offset(:size(offset, 1), :, g) = offset
+  end subroutine set_offsets
 
   !> What additional models keep of the first slots of near grain g, and their couples.
   pure subroutine set_kept(list, g, kept, couple)

@@ -21,6 +21,8 @@ module dem_surface_feature
     real(wp) :: gap(most_features), curvature(most_features)  !! [m], [1/m]
     real(wp) :: normal(3, most_features), foot(3, most_features)  !! [-], [m]
     real(wp) :: share(3, most_features)            !! of the triangle's corners at the foot [-]
+    real(wp) :: image(3)                           !! of the candidate that is searched [m]
+    real(wp) :: offset(3, most_features)           !! that of each feature [m]
   end type features_type
 
   !> Contacts that follow from them; behind the n of now those that have just ended.
@@ -30,6 +32,7 @@ module dem_surface_feature
     real(wp) :: sign(most_features)                         !! forces are multiplied by it [-]
     real(wp) :: gap(most_features), curvature(most_features)  !! [m], [1/m]
     real(wp) :: normal(3, most_features), foot(3, most_features)  !! [-], [m]
+    real(wp) :: offset(3, most_features)                    !! of the image that is touched [m]
     real(wp) :: motion(6, most_features)                    !! velocity and spin of the surface
                                                             !! there
   end type touches_type
@@ -82,6 +85,7 @@ contains
     features%gap(k) = gap
     features%normal(:, k) = n
     features%foot(:, k) = foot
+    features%offset(:, k) = features%image
     features%share(:, k) = 0.0_wp
   end subroutine append
 end module dem_surface_feature

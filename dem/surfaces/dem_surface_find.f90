@@ -35,6 +35,7 @@ contains
 
     features%n = 0
     do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
+      features%image = s%list%image(:, c)
       if (s%list%candidate(c) > 0) then
         if (s%kind(s%mesh%owner(s%list%candidate(c))) == surface_membrane) then
           call search_membrane(s, g, c, grain, features)
@@ -64,7 +65,7 @@ contains
     integer(i4) :: triangle, k
 
     triangle = s%list%candidate(c)
-    p = s%mesh%x(:, s%mesh%corner(:, triangle))
+    p = s%mesh%x(:, s%mesh%corner(:, triangle)) + spread(features%image, 2, 3)
     n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
     gap = dot_product(grain%x - p(:, 1), n)
@@ -126,7 +127,8 @@ contains
     if (gap >= grain%reach) return
     if (dot_product(n, m) > slack) return
     if (mate > 0) then
-      if (dot_product(n, inwards(s, mate, s%mesh%corner(k, triangle), t, p)) > slack) return
+      if (dot_product(n, inwards(s, mate, s%mesh%corner(k, triangle), t, &
+                                 p - features%image)) > slack) return
     end if
     call figure_point(grain, n, u, h)
     along = dot_product(r - u, t)
@@ -174,7 +176,7 @@ contains
     call corner_gap(r, grain, [0.0_wp, 0.0_wp, 1.0_wp], 0.0_wp, n, gap)
     if (gap >= grain%reach) return
     do j = s%mesh%fan_start(vertex), s%mesh%fan_start(vertex + 1) - 1
-      far = s%mesh%x(:, s%mesh%fan(j)) - p
+      far = s%mesh%x(:, s%mesh%fan(j)) - (p - features%image)
       if (dot_product(n, far) > slack*sqrt(sum(far*far))) return
     end do
     share = 0.0_wp
@@ -188,12 +190,13 @@ contains
     integer(i4), intent(in) :: b
     type(figure_type), intent(in) :: grain
     type(features_type), intent(inout) :: features
-    real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, height, axis(3), q(3)
+    real(wp) :: r(3), e(3), n(3), gap, u(3), h, along, height, axis(3), q(3), tip(3)
 
     axis = s%round%axis(:, b)
     associate (sine => s%round%sine(b), cosine => s%round%cosine(b), wide => s%round%radius(b))
       height = wide*cosine/sine
-      r = grain%x - s%centre(:, b)
+      tip = s%centre(:, b) + features%image
+      r = grain%x - tip
       along = dot_product(r, axis)
       if (along < -grain%span .or. along > height + s%round%extent(b) + grain%span) return
       if (sum(r*r) - along**2 > (wide + grain%span)**2) return
@@ -201,14 +204,14 @@ contains
       call corner_gap(r, grain, axis, 0.0_wp, n, gap)
       h = dot_product(n, axis)
       if (gap < grain%reach .and. sine*sqrt(max(1.0_wp - h*h, 0.0_wp)) + cosine*h <= slack) &
-        call add_part(part_tip, s%centre(:, b), 0.0_wp)
+        call add_part(part_tip, tip, 0.0_wp)
 
       call circle_gap(r, grain, axis, sine, cosine, e, n, gap)
       call figure_point(grain, n, u, h)
       along = dot_product(r - u, sine*e + cosine*axis)
       h = slack*grain%radius
       if (gap < grain%reach .and. along >= -h .and. along <= wide/sine + h) &
-        call add_part(part_flank, s%centre(:, b) + along*(sine*e + cosine*axis), along*sine)
+        call add_part(part_flank, tip + along*(sine*e + cosine*axis), along*sine)
 
       q = r - height*axis
       call corner_gap(q, grain, axis, wide, n, gap)
@@ -216,14 +219,14 @@ contains
       e = n - h*axis
       e = e/max(sqrt(sum(e*e)), tiny(1.0_wp))
       if (gap < grain%reach .and. h <= slack .and. h >= -sine - slack) &
-        call add_part(part_flank, s%centre(:, b) + height*axis + wide*e, wide)
+        call add_part(part_flank, tip + height*axis + wide*e, wide)
 
       call circle_gap(q, grain, axis, 0.0_wp, 1.0_wp, e, n, gap)
       gap = gap - wide
       call figure_point(grain, n, u, h)
       along = dot_product(q - u, axis)
       if (gap < grain%reach .and. along >= -slack*grain%radius .and. along <= s%round%extent(b)) &
-        call add_part(part_shaft, s%centre(:, b) + (height + along)*axis + wide*e, wide)
+        call add_part(part_shaft, tip + (height + along)*axis + wide*e, wide)
     end associate
 
   contains
@@ -254,7 +257,7 @@ contains
     axis = s%round%axis(:, b)
     wide = s%round%radius(b)
     half = s%round%extent(b)
-    r = grain%x - s%centre(:, b)
+    r = grain%x - (s%centre(:, b) + f%image)
     along = dot_product(r, axis)
     if (abs(along) - grain%span > half) return
     if (sum(r*r) - along**2 > (wide + grain%span)**2) return
@@ -288,7 +291,7 @@ contains
     real(wp) :: r(3), e(3, most_places), gap(most_places), u(3), h, along
     integer(i4) :: k, places
 
-    r = grain%x - s%centre(:, b)
+    r = grain%x - (s%centre(:, b) + f%image)
     along = dot_product(r, s%round%axis(:, b))
     if (abs(along) - grain%span > s%round%extent(b)) return
     if (sum(r*r) - along**2 < max(s%round%radius(b) - grain%span, 0.0_wp)**2) return
@@ -318,7 +321,8 @@ contains
 
     if (gap >= grain%reach) return
     k = f%n
-    call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + foot, grain%radius, f)
+    call add_feature(b, s%first_part(b) + part, 0, n, gap, s%centre(:, b) + f%image + foot, &
+                     grain%radius, f)
     if (f%n == k) return
     own = figure_curvature(grain, n)
     f%curvature(f%n) = max(own + 0.5_wp*across/s%round%radius(b), 0.01_wp*own)
@@ -380,6 +384,7 @@ contains
       f%curvature(n) = f%curvature(i)
       f%normal(:, n) = f%normal(:, i)
       f%foot(:, n) = f%foot(:, i)
+      f%offset(:, n) = f%offset(:, i)
       f%share(:, n) = f%share(:, i)
     end do
     f%n = n
@@ -399,6 +404,7 @@ contains
     linked = .false.
     if (f%body(i) /= f%body(j) .or. f%candidate(i) == 0 .or. f%candidate(j) == 0) return
     if (s%kind(f%body(i)) == surface_membrane) return
+    if (any(abs(f%offset(:, i) - f%offset(:, j)) > 0.0_wp)) return
     if (dot_product(f%normal(:, i), f%normal(:, j)) < s%cos_smooth(f%body(i))) return
     a = s%list%candidate(f%candidate(i))
     b = s%list%candidate(f%candidate(j))
@@ -423,6 +429,7 @@ contains
       triangle = s%list%candidate(c)
       if (triangle <= 0) cycle
       if (s%mesh%owner(triangle) /= f%body(i)) cycle
+      if (any(abs(s%list%image(:, c) - f%offset(:, i)) > 0.0_wp)) cycle
       do k = 1, 3
         if (s%mesh%mate(k, triangle) <= triangle) cycle
         p = s%mesh%x(:, s%mesh%corner(k, triangle))
@@ -432,7 +439,7 @@ contains
         m = inwards(s, triangle, s%mesh%corner(k, triangle), t, p) &
             + inwards(s, s%mesh%mate(k, triangle), s%mesh%corner(k, triangle), t, p)
         if (dot_product(m, f%normal(:, i)) <= 1.0e-12_wp) cycle
-        r = f%foot(:, i) - p
+        r = f%foot(:, i) - f%offset(:, i) - p
         r = r - min(max(dot_product(r, t), 0.0_wp), length)*t
         distance = min(distance, sqrt(sum(r*r)))
       end do
@@ -462,6 +469,7 @@ contains
         touches%body(k) = f%body(i)
         touches%part(k) = f%part(i)
         touches%sign(k) = f%sign(i)
+        touches%offset(:, k) = f%offset(:, i)
         touches%gap(k) = touches%gap(k) + f%weight(i)*f%gap(i)
         touches%curvature(k) = touches%curvature(k) + f%weight(i)*f%curvature(i)
         touches%normal(:, k) = touches%normal(:, k) + f%weight(i)*f%normal(:, i)
@@ -482,7 +490,8 @@ contains
 
     b = f%body(i)
     if (.not. is_soft(s, b)) then
-      motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - s%centre(:, b))
+      motion(1:3) = s%velocity(:, b) + cross(s%spin(:, b), f%foot(:, i) - f%offset(:, i) &
+                                                   - s%centre(:, b))
       motion(4:6) = s%spin(:, b)
       if (is_bore(s, b)) motion(1:3) = motion(1:3) - s%round%swell(b)*f%normal(:, i)
       return

@@ -101,6 +101,7 @@ contains
       place(k) = n
       if (n == k) cycle
       touches%foot(:, n) = touches%foot(:, k)
+      touches%offset(:, n) = touches%offset(:, k)
       touches%normal(:, n) = touches%normal(:, k)
       touches%motion(:, n) = touches%motion(:, k)
       touches%body(n) = touches%body(k)

@@ -166,7 +166,8 @@ contains
           stiffness = 2.0_wp*stiffness
           more = 2.0_wp*more
         end if
-        arm = d%surfaces%list%point(k, :, g) - d%surfaces%centre(:, b)
+        arm = d%surfaces%list%point(k, :, g) - d%surfaces%list%offset(k, :, g) &
+          - d%surfaces%centre(:, b)
         lever = cross(arm, d%surfaces%list%normal(k, :, g))
         row(:3, b) = row(:3, b) + stiffness(1)*lever**2 + stiffness(2)*(sum(arm**2) - arm**2)
         row(4, b) = row(4, b) + sum(stiffness)

@@ -164,7 +164,7 @@ contains
       do k = 1, s%list%contacts(g)
         p = s%list%part(k, g)
         f = -s%list%push(k, :, g)
-        r = s%list%point(k, :, g) - s%centre(:, body(p))
+        r = s%list%point(k, :, g) - s%list%offset(k, :, g) - s%centre(:, body(p))
         force(:, p) = force(:, p) + f
         moment(1, p) = moment(1, p) + r(2)*f(3) - r(3)*f(2)
         moment(2, p) = moment(2, p) + r(3)*f(1) - r(1)*f(3)

@@ -6,7 +6,9 @@ module dem_surface_search
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven
   use dem_surface_body, only: is_free
   use dem_surface_additional, only: surface_kept_reals
+  use dem_cell, only: is_periodic, shift_of
   use dem_surface_contacts, only: begin_list, allocate_contacts, keep_contacts, take_contacts
+  use dem_surface_images, only: reached_images
   use dem_surface_state, only: dem_surfaces_type, dem_touches_type, surface_cone, is_bore, is_round
   use dem_surface_values, only: mark_reference
   implicit none
@@ -23,6 +25,13 @@ module dem_surface_search
     integer(i4), allocatable :: next(:)  !! place in member that is free, while triangles enter
   end type grid_type
 
+  !> Candidates as they are found, with room for more.
+  type :: found_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: candidate(:)  !! see dem_touches_type
+    real(wp), allocatable :: image(:, :)      !! (3, candidates) [m]
+  end type found_type
+
 contains
 
   !> Make the list for the current positions (bodies and vertices up to date).
@@ -30,30 +39,31 @@ contains
     type(dem_data_type), intent(inout) :: d
     type(grid_type) :: grid
     type(dem_touches_type) :: old
-    integer(i4), allocatable :: grain(:), start(:), candidate(:)
+    type(found_type) :: found
+    integer(i4), allocatable :: grain(:), start(:)
     real(wp), allocatable :: gap(:)
-    integer(i4) :: i, near, found
+    integer(i4) :: i, near
 
     if (d%surfaces%mesh%triangles > 0) call make_grid(d%surfaces, d%pairs%skin, d%grains%radius, &
       grid)
-    allocate (grain(d%grains%n), start(d%grains%n + 1), gap(d%grains%n), candidate(64))
+    allocate (grain(d%grains%n), start(d%grains%n + 1), gap(d%grains%n))
+    allocate (found%candidate(64), found%image(3, 64))
     near = 0
-    found = 0
     start(1) = 1
     do i = 1, d%grains%n
       if (.not. may_touch(d, i)) cycle
       gap(near + 1) = huge(1.0_wp)
-      if (d%surfaces%mesh%triangles > 0) call find_triangles(d, grid, i, candidate, found, &
-        gap(near + 1))
-      call find_cones(d, i, candidate, found, gap(near + 1))
-      if (found < start(near + 1)) cycle
+      if (d%surfaces%mesh%triangles > 0) call find_triangles(d, grid, i, found, gap(near + 1))
+      call find_cones(d, i, found, gap(near + 1))
+      if (found%n < start(near + 1)) cycle
       near = near + 1
       grain(near) = i
-      start(near + 1) = found + 1
+      start(near + 1) = found%n + 1
     end do
     call keep_contacts(d%surfaces%list, old)
     associate (s => d%surfaces)
-      call begin_list(s%list, grain(:near), start(:near + 1), candidate(:found), gap(:near))
+      call begin_list(s%list, grain(:near), start(:near + 1), found%candidate(:found%n), &
+                      found%image(:, :found%n), gap(:near))
       call allocate_contacts(s, d%grains%n, surface_kept_reals(d))
       call take_contacts(s%list, old)
       call mark_reference(s)
@@ -144,18 +154,50 @@ contains
     c = min(1 + int(max((x - grid%low)/grid%size, 0.0_wp), i4), grid%n)
   end function cell_of
 
-  !> Triangles that the bounding sphere of grain i and the skin reach, ascending.
-  subroutine find_triangles(d, grid, i, candidate, found, gap)
+  !> Triangles that the bounding sphere of grain i and the skin reach, ascending, of one image after
+  !! the other.
+  subroutine find_triangles(d, grid, i, found, gap)
     type(dem_data_type), intent(in) :: d
     type(grid_type), intent(in) :: grid
     integer(i4), intent(in) :: i
-    integer(i4), allocatable, intent(inout) :: candidate(:)
-    integer(i4), intent(inout) :: found
+    type(found_type), intent(inout) :: found
+    real(wp), intent(inout) :: gap
+    integer(i4) :: first(3), last(3), low(3), high(3), b, m1, m2, m3
+
+    first = 0
+    last = 0
+    if (is_periodic(d%cell)) then
+      first = huge(first)
+      last = -huge(last)
+      do b = 1, d%surfaces%n
+        if (is_round(d%surfaces, b)) cycle
+        call reached_images(d%surfaces, b, d%cell, d%grains%x(:, i), &
+                            d%grains%radius(i) + d%pairs%skin, low, high)
+        first = min(first, low)
+        last = max(last, high)
+      end do
+    end if
+    do m3 = first(3), last(3)
+      do m2 = first(2), last(2)
+        do m1 = first(1), last(1)
+          call find_in_image(d, grid, i, shift_of(d%cell, [m1, m2, m3]), found, gap)
+        end do
+      end do
+    end do
+  end subroutine find_triangles
+
+  !> The same of one image.
+  subroutine find_in_image(d, grid, i, image, found, gap)
+    type(dem_data_type), intent(in) :: d
+    type(grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: image(3)  !! from the surfaces [m]
+    type(found_type), intent(inout) :: found
     real(wp), intent(inout) :: gap
     real(wp) :: x(3), distance
     integer(i4) :: cell(3), c, m, k
 
-    x = d%grains%x(:, i)
+    x = d%grains%x(:, i) - image
     if (any(x < grid%low) .or. any(x > grid%low + grid%n*grid%size)) return
     cell = cell_of(grid, x)
     c = cell(1) + grid%n(1)*(cell(2) - 1 + grid%n(2)*(cell(3) - 1))
@@ -168,53 +210,73 @@ contains
         - d%grains%radius(i)
       if (distance > d%pairs%skin) cycle
       gap = min(gap, distance)
-      call put(candidate, found, k)
+      call put(found, k, image)
     end do
-  end subroutine find_triangles
+  end subroutine find_in_image
 
-  subroutine find_cones(d, i, candidate, found, gap)
+  !> Round bodies that the bounding sphere of grain i and the skin reach, and their images.
+  subroutine find_cones(d, i, found, gap)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
-    integer(i4), allocatable, intent(inout) :: candidate(:)
-    integer(i4), intent(inout) :: found
+    type(found_type), intent(inout) :: found
     real(wp), intent(inout) :: gap
-    real(wp) :: r(3), along, across, height, distance
-    integer(i4) :: b
+    real(wp) :: image(3), distance
+    integer(i4) :: b, first(3), last(3), m1, m2, m3
 
-    associate (s => d%surfaces)
-      do b = 1, s%n
-        if (.not. is_round(s, b)) cycle
-        if (d%grains%kind(i) /= kind_free .and. .not. is_free(s, b)) cycle
-        r = d%grains%x(:, i) - s%centre(:, b)
-        along = dot_product(r, s%round%axis(:, b))
-        across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%round%radius(b)
-        if (is_bore(s, b)) across = -across
-        if (s%kind(b) == surface_cone) then
-          height = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b) &
-            + min(s%round%extent(b), 0.5_wp*huge(height))
-          distance = max(across, -along, along - height) - d%grains%radius(i)
-        else
-          distance = max(across, abs(along) - s%round%extent(b)) - d%grains%radius(i)
-        end if
-        if (distance > d%pairs%skin) cycle
-        gap = min(gap, distance)
-        call put(candidate, found, -b)
+    do b = 1, d%surfaces%n
+      if (.not. is_round(d%surfaces, b)) cycle
+      if (d%grains%kind(i) /= kind_free .and. .not. is_free(d%surfaces, b)) cycle
+      call reached_images(d%surfaces, b, d%cell, d%grains%x(:, i), &
+                          d%grains%radius(i) + d%pairs%skin, first, last)
+      do m3 = first(3), last(3)
+        do m2 = first(2), last(2)
+          do m1 = first(1), last(1)
+            image = shift_of(d%cell, [m1, m2, m3])
+            distance = round_distance(d%surfaces, b, d%grains%x(:, i) - image) - d%grains%radius(i)
+            if (distance > d%pairs%skin) cycle
+            gap = min(gap, distance)
+            call put(found, -b, image)
+          end do
+        end do
       end do
-    end associate
+    end do
   end subroutine find_cones
 
-  subroutine put(list, n, item)
-    integer(i4), allocatable, intent(inout) :: list(:)
-    integer(i4), intent(inout) :: n
-    integer(i4), intent(in) :: item
-    integer(i4), allocatable :: longer(:)
-    if (n == size(list)) then
-      allocate (longer(2*n))
-      longer(:n) = list
-      call move_alloc(longer, list)
+  !> Distance of a point from round body b, at least [m].
+  pure real(wp) function round_distance(s, b, x) result(distance)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: x(3)
+    real(wp) :: r(3), along, across, height
+    r = x - s%centre(:, b)
+    along = dot_product(r, s%round%axis(:, b))
+    across = sqrt(max(sum(r*r) - along**2, 0.0_wp)) - s%round%radius(b)
+    if (is_bore(s, b)) across = -across
+    if (s%kind(b) == surface_cone) then
+      height = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b) &
+        + min(s%round%extent(b), 0.5_wp*huge(height))
+      distance = max(across, -along, along - height)
+    else
+      distance = max(across, abs(along) - s%round%extent(b))
     end if
-    n = n + 1
-    list(n) = item
+  end function round_distance
+
+  subroutine put(found, item, image)
+    type(found_type), intent(inout) :: found
+    integer(i4), intent(in) :: item
+    real(wp), intent(in) :: image(3)  !! [m]
+    integer(i4), allocatable :: candidate(:)
+    real(wp), allocatable :: images(:, :)
+    if (found%n == size(found%candidate)) then
+      allocate (candidate(2*found%n), images(3, 2*found%n))
+      candidate(:found%n) = found%candidate
+      images(:, :found%n) = found%image
+      call move_alloc(candidate, found%candidate)
+      call move_alloc(images, found%image)
+    end if
+    found%n = found%n + 1
+    found%candidate(found%n) = item
+    found%image(:, found%n) = image
   end subroutine put
 
   !> Distance of a point from a triangle [m].

@@ -14,7 +14,7 @@ module dem_surface_store
   use dem_membrane, only: pull_membranes, set_pressures, set_stretches, set_forces
   use dem_surface_body, only: set_loads
   use dem_surface_contacts, only: begin_list, allocate_contacts, set_contacts, set_slots, &
-    set_kept, set_shares
+    set_offsets, set_kept, set_shares
   use dem_surface_make, only: mesh_type, check_mesh
   use dem_surface_values, only: add_mesh, set_places, set_velocities, set_swell, set_press, &
     set_radii, set_sums, set_vertices, set_reference, set_vertex_loads, set_servos
@@ -64,6 +64,7 @@ contains
         s%list%point(:, :, g), s%list%push(:, :, g), s%list%motion(:, :, g)]
     end do
     call archive%put_reals('surfaces.contact', packed)
+    if (any(abs(s%list%image) > 0.0_wp)) call put_images(s, archive)
     if (s%soft) call put_soft(s, archive)
     if (size(s%list%kept) > 0) call put_kept(s, places, archive)
     if (allocated(s%servo)) call archive%put_reals('surfaces.servo', s%servo)
@@ -76,6 +77,30 @@ contains
     end if
     if (allocated(s%rigid%given)) call archive%put_reals('surfaces.given', s%rigid%given)
   end subroutine put_surfaces
+
+  !> Images of candidates and contacts, where a cell has any.
+  subroutine put_images(s, archive)
+    type(dem_surfaces_type), intent(in) :: s
+    class(dem_archive_type), intent(inout) :: archive
+    call archive%put_reals('surfaces.image', s%list%image)
+    call archive%put_reals('surfaces.offset', reshape(s%list%offset, &
+                                                      [3*s%list%slots, s%list%near]))
+  end subroutine put_images
+
+  !> The same back.
+  subroutine get_offsets(s, archive, errors)
+    type(dem_surfaces_type), intent(inout) :: s
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: offset(:, :)
+    integer(i4) :: g
+    if (archive%find('surfaces.image') == 0) return
+    call archive%get_reals('surfaces.offset', 3*s%list%slots, s%list%near, offset, errors)
+    if (errors%any()) return
+    do g = 1, s%list%near
+      call set_offsets(s%list, g, reshape(offset(:, g), [s%list%slots, 3]))
+    end do
+  end subroutine get_offsets
 
   !> Radii of cylinders, and what presses on their walls.
   subroutine put_bores(s, archive)
@@ -347,6 +372,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: grain(:, :), start(:, :), candidate(:, :), number(:, :), part(:, :)
     real(wp), allocatable :: gap(:, :), load(:, :), share(:, :), sign(:, :), packed(:, :)
+    real(wp), allocatable :: image(:, :)
     integer(i4) :: g
 
     if (near > grains) call archive%refuse('surfaces.size', 'has '//str(near)//' of '// &
@@ -361,8 +387,12 @@ contains
     if (errors%any()) return
     call check_near(s, grain(1, :), start(1, :), candidate(1, :), archive, errors)
     if (errors%any()) return
+    allocate (image(3, size(candidate)), source=0.0_wp)
+    if (archive%find('surfaces.image') > 0) &
+      call archive%get_reals('surfaces.image', 3, size(candidate, kind=i4), image, errors)
+    if (errors%any()) return
     call begin_list(s%list, int(grain(1, :), i4), int(start(1, :), i4), int(candidate(1, :), i4), &
-                    gap(1, :))
+                    image, gap(1, :))
     call allocate_contacts(s, grains, reals)
     call archive%get_integers('surfaces.contacts', 1, near, number, errors, &
                               [0_i8, int(s%list%slots, i8)])
@@ -384,5 +414,6 @@ contains
                         load(:, g))
       call set_slots(s%list, g, reshape(packed(:, g), [s%list%slots, contact_size]))
     end do
+    call get_offsets(s, archive, errors)
   end subroutine get_contacts
 end module dem_surface_store

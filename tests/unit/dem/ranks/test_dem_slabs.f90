@@ -211,9 +211,10 @@ contains
       call random_number(s%list%push)
       call random_number(s%list%motion)
       call random_number(s%list%sign)
+      call random_number(s%list%offset)
       call random_number(s%list%kept)
       call random_number(s%list%couple)
-      allocate (row(8 + lanes*(history_size + 20 + merge(kept + 3, 0_i4, kept > 0))))
+      allocate (row(8 + lanes*(history_size + 23 + merge(kept + 3, 0_i4, kept > 0))))
       do g = 1, 2
         row = ieee_value(1.0_wp, ieee_quiet_nan)
         call pack_touch(d, g, lanes, row)
@@ -231,7 +232,8 @@ contains
                         .and. all(c%list%point == s%list%point) &
                         .and. all(c%list%push == s%list%push) &
                         .and. all(c%list%motion == s%list%motion) &
-                        .and. all(c%list%sign == s%list%sign))
+                        .and. all(c%list%sign == s%list%sign) &
+                        .and. all(c%list%offset == s%list%offset))
         call test%check('kept', all(c%list%kept == s%list%kept) &
                         .and. all(c%list%couple == s%list%couple))
       end associate

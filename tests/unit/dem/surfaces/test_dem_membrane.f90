@@ -70,6 +70,7 @@ contains
     s%list%near_start = [1, s%mesh%triangles + 1]
     s%list%candidate = [(k, k=1, s%mesh%triangles)]
     allocate (s%list%history(most_features, 1, 1))
+    allocate (s%list%image(3, size(s%list%candidate)), source=0.0_wp)
   end subroutine make_test_membrane
 
   pure type(figure_type) function grain_at(x, shape)
