@@ -888,8 +888,8 @@ contains
       //'&cell_rate strains it, &cell_stress holds its stress; all grains are carried by ' &
       //'this homogeneous flow and move relative to it: velocities of grains, kinetic ' &
       //'energy and damping are those relative to the flow. Fixed grains are carried too.' &
-      //' Edges, deformation, rates and stress in `<deck>_cell.csv`. Not under ' &
-      //'talus-couple.')
+      //' Edges, deformation, rates and stress in `<deck>_cell.csv`. In a cell that keeps' &
+      //' its edges grains touch surfaces and their images. Not under talus-couple.')
     call table%add_key('size', 'real', 'm', &
       'Edges of a box along x, y and z. Without size and vectors the cell is that of ' &
       //'the packing.')

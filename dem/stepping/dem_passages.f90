@@ -9,12 +9,12 @@ module dem_passages
   use talus_homogenise, only: inverse_of
   use talus_text, only: str
   use talus_vectors, only: cross
-  use dem_cell, only: is_periodic, shift_of
+  use dem_cell, only: is_periodic
   use dem_gap, only: solve_gap
   use dem_shape_gap, only: solve_shapes
   use dem_shape_state, only: shape_ellipsoid
   use dem_state, only: dem_data_type, kind_free, kind_mirror
-  use dem_surface_images, only: reached_images
+  use dem_surface_images, only: reached_images, image_count, image_at
   use dem_surface_state, only: dem_surfaces_type, is_round, is_bore, is_cylinder
   implicit none
   private
@@ -165,21 +165,17 @@ contains
     integer(i4), intent(in) :: i, b
     real(wp), intent(in) :: h
     real(wp) :: x(3), v(3)
-    integer(i4) :: first(3), last(3), m1, m2, m3
+    integer(i4) :: first(3), last(3), k
 
     passes = .false.
     x = d%pairs%body(1:3, i)
     v = d%pairs%body(4:6, i)
     call reached_images(d%surfaces, b, d%cell, x, h*norm2(v - velocity_at(d%surfaces, b, x)), &
                         first, last)
-    do m3 = first(3), last(3)
-      do m2 = first(2), last(2)
-        do m1 = first(1), last(1)
-          x = d%pairs%body(1:3, i) - shift_of(d%cell, [m1, m2, m3])
-          passes = passes .or. crosses_body(d%surfaces, b, x, &
-                                            h*(v - velocity_at(d%surfaces, b, x)))
-        end do
-      end do
+    do k = 1, image_count(first, last)
+      x = d%pairs%body(1:3, i) - image_at(d%cell, first, last, k)
+      passes = crosses_body(d%surfaces, b, x, h*(v - velocity_at(d%surfaces, b, x)))
+      if (passes) return
     end do
   end function passes_images
 

@@ -50,7 +50,8 @@ contains
       allocate (s%list%sign(n, s%list%near), source=1.0_wp)
       allocate (s%list%history(n, history_size, s%list%near), s%list%foot(n, 3, s%list%near), &
                 s%list%normal(n, 3, s%list%near), s%list%point(n, 3, s%list%near), &
-                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), s%list%offset(n, 3, s%list%near), &
+                s%list%push(n, 3, s%list%near), s%list%motion(n, 6, s%list%near), &
+                s%list%offset(n, 3, s%list%near), &
                 s%list%load(6, s%list%near), s%list%columns(column_count, s%list%near), &
                 source=0.0_wp)
     end associate

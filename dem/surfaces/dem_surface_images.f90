@@ -6,12 +6,13 @@
 module dem_surface_images
   use talus_kinds, only: wp, i4
   use talus_homogenise, only: inverse_of
-  use dem_cell, only: is_periodic
+  use dem_cell, only: is_periodic, shift_of
   use dem_state, only: dem_cell_type
   use dem_surface_state, only: dem_surfaces_type, surface_cone, is_round
   implicit none
   private
-  public :: reached_images, body_width, is_endless, endless_along, crosses_edges
+  public :: reached_images, image_count, image_at
+  public :: body_width, is_endless, endless_along, crosses_edges
 
   real(wp), parameter :: aligned = 1.0e-9_wp  !! sine of an angle that is none
 
@@ -41,6 +42,23 @@ contains
       last(k) = floor(apart + half)
     end do
   end subroutine reached_images
+
+  !> Number of images in a range of whole edges, along x first.
+  pure integer(i4) function image_count(first, last)
+    integer(i4), intent(in) :: first(3), last(3)
+    image_count = product(max(last - first + 1, 0))
+  end function image_count
+
+  !> Vector from a body to image k of a range [m].
+  pure function image_at(cell, first, last, k) result(image)
+    type(dem_cell_type), intent(in) :: cell
+    integer(i4), intent(in) :: first(3), last(3)
+    integer(i4), intent(in) :: k  !! from 1
+    real(wp) :: image(3)
+    integer(i4) :: n(3)
+    n = last - first + 1
+    image = shift_of(cell, first + [mod(k - 1, n(1)), mod((k - 1)/n(1), n(2)), (k - 1)/(n(1)*n(2))])
+  end function image_at
 
   !> Width of body b between the faces across edge k, in units of the edge; of a mesh that turns at
   !! any time [-].

@@ -6,9 +6,9 @@ module dem_surface_search
   use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven
   use dem_surface_body, only: is_free
   use dem_surface_additional, only: surface_kept_reals
-  use dem_cell, only: is_periodic, shift_of
+  use dem_cell, only: is_periodic
   use dem_surface_contacts, only: begin_list, allocate_contacts, keep_contacts, take_contacts
-  use dem_surface_images, only: reached_images
+  use dem_surface_images, only: reached_images, image_count, image_at
   use dem_surface_state, only: dem_surfaces_type, dem_touches_type, surface_cone, is_bore, is_round
   use dem_surface_values, only: mark_reference
   implicit none
@@ -162,7 +162,7 @@ contains
     integer(i4), intent(in) :: i
     type(found_type), intent(inout) :: found
     real(wp), intent(inout) :: gap
-    integer(i4) :: first(3), last(3), low(3), high(3), b, m1, m2, m3
+    integer(i4) :: first(3), last(3), low(3), high(3), b, k
 
     first = 0
     last = 0
@@ -177,12 +177,8 @@ contains
         last = max(last, high)
       end do
     end if
-    do m3 = first(3), last(3)
-      do m2 = first(2), last(2)
-        do m1 = first(1), last(1)
-          call find_in_image(d, grid, i, shift_of(d%cell, [m1, m2, m3]), found, gap)
-        end do
-      end do
+    do k = 1, image_count(first, last)
+      call find_in_image(d, grid, i, image_at(d%cell, first, last, k), found, gap)
     end do
   end subroutine find_triangles
 
@@ -221,23 +217,19 @@ contains
     type(found_type), intent(inout) :: found
     real(wp), intent(inout) :: gap
     real(wp) :: image(3), distance
-    integer(i4) :: b, first(3), last(3), m1, m2, m3
+    integer(i4) :: b, first(3), last(3), k
 
     do b = 1, d%surfaces%n
       if (.not. is_round(d%surfaces, b)) cycle
       if (d%grains%kind(i) /= kind_free .and. .not. is_free(d%surfaces, b)) cycle
       call reached_images(d%surfaces, b, d%cell, d%grains%x(:, i), &
                           d%grains%radius(i) + d%pairs%skin, first, last)
-      do m3 = first(3), last(3)
-        do m2 = first(2), last(2)
-          do m1 = first(1), last(1)
-            image = shift_of(d%cell, [m1, m2, m3])
-            distance = round_distance(d%surfaces, b, d%grains%x(:, i) - image) - d%grains%radius(i)
-            if (distance > d%pairs%skin) cycle
-            gap = min(gap, distance)
-            call put(found, -b, image)
-          end do
-        end do
+      do k = 1, image_count(first, last)
+        image = image_at(d%cell, first, last, k)
+        distance = round_distance(d%surfaces, b, d%grains%x(:, i) - image) - d%grains%radius(i)
+        if (distance > d%pairs%skin) cycle
+        gap = min(gap, distance)
+        call put(found, -b, image)
       end do
     end do
   end subroutine find_cones

@@ -5,7 +5,8 @@ program test_dem_surface_images
   use talus_test, only: test_type
   use dem_cell, only: set_cell, shift_of
   use dem_state, only: dem_cell_type
-  use dem_surface_images, only: reached_images, body_width, is_endless, endless_along, crosses_edges
+  use dem_surface_images, only: reached_images, image_count, image_at, body_width, &
+    is_endless, endless_along, crosses_edges
   use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh
   use dem_surface_state, only: dem_surfaces_type, surface_rigid
   use dem_surface_values, only: add_mesh, add_cylinder, add_cone
@@ -74,36 +75,45 @@ contains
   subroutine check_all_near(cell, name)
     type(dem_cell_type), intent(in) :: cell
     character(len=*), intent(in) :: name
-    real(wp), parameter :: margin = 0.3_wp
-    real(wp) :: x(3), point(3)
-    integer(i4) :: b, i, j, m1, m2, missed, near, p
+    real(wp) :: x(3)
+    integer(i4) :: b, i, near, missed
 
     missed = 0
     near = 0
     do b = 1, 4
       if (b == 3 .and. .not. endless_along(s, b, cell, 2_i4)) cycle
-      do i = -9, 9
-        do j = -9, 9
-          x = [0.37_wp*i, 0.51_wp*j, 0.4_wp]
-          call reached_images(s, b, cell, x, margin, first, last)
-          do m1 = -8, 8
-            do m2 = -8, 8
-              do p = 0, 8
-                point = point_of(b, 0.25_wp*p - 1.0_wp) + shift_of(cell, [m1, m2, 0])
-                if (b == 3 .and. m2 /= 0) cycle  ! the bar is its own image there
-                if (b == 3) point(2) = x(2)
-                if (norm2(point(:2) - x(:2)) > margin) cycle
-                near = near + 1
-                if (any([m1, m2] < first(:2) .or. [m1, m2] > last(:2))) missed = missed + 1
-              end do
-            end do
-          end do
-        end do
+      do i = 0, 19*19 - 1
+        x = [0.37_wp*(mod(i, 19) - 9), 0.51_wp*(i/19 - 9), 0.4_wp]
+        call count_images(cell, b, x, near, missed)
       end do
     end do
     call test%check(name//': images were near', near > 200)
     call test%check(name//': none was missed', missed == 0)
   end subroutine check_all_near
+
+  !> Images of body b that have a point near x, and those that are not in the range.
+  subroutine count_images(cell, b, x, near, missed)
+    type(dem_cell_type), intent(in) :: cell
+    integer(i4), intent(in) :: b
+    real(wp), intent(in) :: x(3)
+    integer(i4), intent(inout) :: near, missed
+    real(wp), parameter :: margin = 0.3_wp
+    real(wp) :: point(3)
+    integer(i4) :: k, p, m(2)
+
+    call reached_images(s, b, cell, x, margin, first, last)
+    do k = 0, 17*17 - 1
+      m = [mod(k, 17) - 8, k/17 - 8]
+      if (b == 3 .and. m(2) /= 0) cycle  ! the bar is its own image there
+      do p = 0, 8
+        point = point_of(b, 0.25_wp*p - 1.0_wp) + shift_of(cell, [m, 0])
+        if (b == 3) point(2) = x(2)
+        if (norm2(point(:2) - x(:2)) > margin) cycle
+        near = near + 1
+        if (any(m < first(:2) .or. m > last(:2))) missed = missed + 1
+      end do
+    end do
+  end subroutine count_images
 
   !> A point of body b, t from -1 to 1 along it.
   pure function point_of(b, t) result(x)
@@ -124,8 +134,16 @@ contains
 
   !> Widths, and bodies without end.
   subroutine check_ends()
-    call test%check_close('width of the triangle', body_width(s, 1_i4, box, 1_i4, .false.), 0.4_wp, &
-                          few_roundings)
+    call test%check_close('width of the triangle', body_width(s, 1_i4, box, 1_i4, .false.), &
+                          0.4_wp, few_roundings)
+    first = [-1, 0, 2]
+    last = [0, 2, 2]
+    call test%check('six images', image_count(first, last) == 6)
+    call test%check_all_close('the last of them', image_at(box, first, last, 6_i4), &
+                           [0.0_wp, 8.0_wp, 18.0_wp], few_roundings)
+    call test%check_all_close('the third', image_at(box, first, last, 3_i4), &
+                           [-2.0_wp, 4.0_wp, 18.0_wp], few_roundings)
+    call test%check('none', image_count(first, [5, 5, 1]) == 0)
     call test%check_close('the same if it turns', body_width(s, 1_i4, box, 1_i4, .true.), &
                           sqrt(0.41_wp), few_roundings)
     call test%check_close('width of the rod', body_width(s, 2_i4, box, 2_i4, .false.), &
