@@ -17,6 +17,7 @@ module cpl_overlap_log
     overlap_row, overlap_health, overlap_summary, work_error
 
   integer(i4), parameter :: column_count = 28
+  real(wp), parameter :: much_rest = 0.05_wp  !! of the largest load on a node
 
 contains
 
@@ -148,6 +149,7 @@ contains
       short_number(norm2(sum(o%forces%loads%f, 2)))//' N', &
       'of the solid''s deck, transferred to the free grains'//trim(merge('                 ', &
       '; they change now', o%forces%loads%steady)))
+    if (o%start%solid_node > 0) call log_rest(log, o)
     if (o%start%initial%rounds == 0 .and. .not. o%start%initial%after > 0.0_wp) return
     call log%item('initial stress', 'rest '//short_number(o%start%initial%before)//' -> '// &
                   short_number(o%start%initial%after)//' of a contact force', 'changed by '// &
@@ -156,6 +158,29 @@ contains
     call log%item('at rest within', short_number(o%start%start_rest)//' of a contact force', &
                   'forces on the nodes as both solvers give them')
   end subroutine log_start
+
+  !> What nothing balances at the nodes of the solid alone, and a warning when it is much.
+  subroutine log_rest(log, o)
+    type(log_type), intent(inout) :: log
+    type(overlap_type), intent(in) :: o
+    character(len=:), allocatable :: seen
+    logical :: held
+    held = allocated(o%start%hold)
+    call log%item('solid out of balance', short_number(o%start%solid_rest)//' N', &
+      'at node '//str(o%start%solid_node)//', '//short_number(o%start%solid_share)// &
+      ' of the largest load; '//trim(merge('held   ', 'it acts', held)))
+    if (.not. o%start%solid_share > much_rest) return
+    seen = 'the solid is not in balance at the start: '//short_number(o%start%solid_rest)// &
+      ' N at node '//str(o%start%solid_node)//', '//short_number(o%start%solid_share)// &
+      ' of the largest load on a node, '
+    if (held) then
+      call log%warn(seen//'are held by dead loads; that suffices for linear elements, others '// &
+        'lack the stress of their loads (&geostatic, &initial_stress)')
+    else
+      call log%warn(seen//"move it: write initial = 'dead_load', or give elements of laws "// &
+        'with a state the stress of their loads (&geostatic, &initial_stress)')
+    end if
+  end subroutine log_rest
 
   !> Columns of the audit that every overlap has.
   subroutine overlap_columns(columns)
@@ -280,6 +305,10 @@ contains
       call summary%set('overlap.initial_rest', o%start%initial%after)
       call summary%set('overlap.initial_change', o%start%initial%change)
       call summary%set('overlap.start_rest', o%start%start_rest)
+    end if
+    if (o%start%solid_node > 0) then
+      call summary%set('overlap.solid_rest_N', o%start%solid_rest)
+      call summary%set('overlap.solid_rest_share', o%start%solid_share)
     end if
     call summary%set('overlap.moved_mass_kg', o%own%moved_mass)
     if (o%limit%step_limit < huge(1.0_wp)) call summary%set('overlap.stable_step_s', &

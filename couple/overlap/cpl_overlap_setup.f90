@@ -19,6 +19,7 @@ module cpl_overlap_setup
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
     prescribed_phi_set, edge_phi_set
   use cpl_overlap_file, only: hash_of
+  use cpl_overlap_hold, only: hold_solid
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: share_mass, damp_fine_scale
@@ -349,7 +350,11 @@ contains
     call ready(solvers(side_grains), o%step, timers, errors)
     if (.not. again) call read_start(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
-    if (o%rules%stressed) call balance_start(o, solvers(side_solid), again, start, timers, errors)
+    if (o%rules%stressed) then
+      call balance_start(o, solvers(side_solid), again, start, timers, errors)
+    else if (.not. o%rules%static) then
+      call hold_solid(o, solvers(side_solid), again, choices%overlap%dead_load, timers, errors)
+    end if
     if (errors%any()) return
     call ready(solvers(side_solid), o%step, timers, errors)
     call begin_loads(o, solvers(side_solid), again, timers, errors)

@@ -94,6 +94,10 @@ module cpl_overlap_state
     real(wp), allocatable :: couple(:, :)          !! the same (9, n) [N/m]
     type(initial_type) :: initial                  !! its correction to balance
     real(wp) :: start_rest = 0.0_wp                !! largest rest at nodes / contact force [-]
+    real(wp), allocatable :: hold(:, :)            !! dead loads on the solid's nodes (3, n) [N]
+    real(wp) :: solid_rest = 0.0_wp                !! largest force they hold, or would [N]
+    real(wp) :: solid_share = 0.0_wp               !! of the largest load on a node [-]
+    integer(i4) :: solid_node = 0                  !! where
     real(wp), allocatable :: moduli(:, :)          !! of the elements, if not the deck's (6, n)
     real(wp) :: lambda = 0.0_wp, shear = 0.0_wp    !! taken for them [Pa]
     type(isotropic_type) :: affine                 !! of the pack's contacts
@@ -298,6 +302,7 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     if (allocated(self%moduli)) call file%put('/start/moduli', self%moduli, errors)
+    if (allocated(self%hold)) call file%put('/start/hold', self%hold, errors)
     if (.not. allocated(self%stress)) return
     call file%put('/start/stress', self%stress, errors)
     call file%put('/start/couple', self%couple, errors)
@@ -308,6 +313,7 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     if (file%exists('/start/moduli')) call file%get('/start/moduli', self%moduli, errors)
+    if (file%exists('/start/hold')) call file%get('/start/hold', self%hold, errors)
     if (.not. file%exists('/start/stress')) return
     call file%get('/start/stress', self%stress, errors)
     call file%get('/start/couple', self%couple, errors)

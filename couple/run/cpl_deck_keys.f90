@@ -394,7 +394,8 @@ contains
       'What happens to forces that are not balanced when the coupling begins: ' &
       //'`''stress''`: the mean stress of the grains, corrected until contacts, stress and ' &
       //'loads balance at every node, is the initial stress of the solid; `''dead_load''` ' &
-      //'holds against them, so that nothing moves; `''none''` leaves them acting.')
+      //'holds against them, so that nothing moves, on all nodes of the solid, with the ' &
+      //'loads of its deck at the start; `''none''` leaves them acting.')
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
     call table%choice_with('stress', 'method', 'bridging_scale')

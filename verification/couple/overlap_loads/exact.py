@@ -6,7 +6,7 @@ import numpy as np
 from coupled import audit_of, write_deck
 
 from talus.mesh import box, write_mesh
-from talus.verification import Case, read_history, write_packing
+from talus.verification import Case, field_steps, read_history, write_packing
 
 D, DENSITY, STIFFNESS, PRESSED = 1.0e-2, 2500.0, 1.0e5, 2.0e-5
 PITCH = D * (1 - PRESSED)
@@ -126,9 +126,43 @@ def run(case: Case) -> None:
     ax.set(xlabel="time [ms]", ylabel="momentum along z [g m/s]")
     ax.legend(loc="upper right")
     case.save(fig)
+    judge_start(case, node)
     for initial in ("none", "stress"):
         judge_statics(case, node, initial)
     judge_domain(case, node)
+
+
+def judge_start(case: Case, node: int) -> None:
+    """Loads that act from the start are held, those that come later move the whole block."""
+    overlap = "partition = 'ramp', initial = 'dead_load'"
+    for solid in SOLIDS:
+        audit = launch(case, "later", values_of(solid, node, overlap=overlap))
+        judge_later(case, f"{solid}, start held", audit)
+    steady = {"values": "0.2, 0.2, 0.2, 0.2, 0.2"}
+    idle = {"traction": "0.0, 0.0, 0.0", "pressure": "0.0", "force": "0.0, 0.0, 0.0"}
+    ways = {}
+    for stem, more in (("idle", idle), ("standing", steady), ("acting", steady)):
+        how = overlap.replace("dead_load", "none") if stem == "acting" else overlap
+        launch(case, stem, values_of("classical", node, overlap=how, **more))
+        ways[stem] = field_steps(case.folder / f"{stem}_solid.h5")[-1].solid["u"] / D
+    held, acting = (float(np.abs(ways[k] - ways["idle"]).max()) for k in ("standing", "acting"))
+    case.below("start held: way of a node by its loads / diameter", held, 1e-12, "round-off")
+    case.above("start not held: way of a node by its loads / diameter", acting, 1e-5)
+    for stem in ("standing", "acting"):
+        told = json.loads((case.folder / f"{stem}_summary.json").read_text())["overlap"]
+        label = f"start {'not ' if stem == 'acting' else ''}held: rest over the largest load"
+        case.metric(label, told["solid_rest_share"], 1.0, 1e-6, "no stress balances it")
+
+
+def judge_later(case: Case, label: str, audit: dict[str, np.ndarray]) -> None:
+    """Momentum along x and y, where the lattice itself pushes nothing, of what the loads change."""
+    t = audit["time"]
+    force = (loads(t)[0] - loads(np.zeros(1))[0])[:, :2]
+    gained = np.column_stack([audit[f"momentum_{c}"] for c in "xy"])
+    step = np.diff(t)[:, None]
+    impulse = np.vstack([np.zeros(2), np.cumsum(0.5 * step * (force[1:] + force[:-1]), 0)])
+    error = np.abs(gained - gained[0] - impulse).max() / np.abs(impulse).max()
+    case.below(f"{label}: momentum less later impulse", float(error), 1e-10, "round-off")
 
 
 def judge_domain(case: Case, node: int) -> None:
