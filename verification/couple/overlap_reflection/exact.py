@@ -16,6 +16,7 @@ STEP = 0.4 / CUT_OFF
 STEPS = 1400  # of the grains: waves of w = 0.75 are back 40 layers from the mesh
 DAMPING = 0.15 * CUT_OFF
 LAYERS = GRAINS  # that the waves are counted in: left of the mesh
+MASSES = ("consistent", "projected", "nearest")
 MARKERS = "os^vDxP+*<"  # colours repeat after eight
 
 
@@ -58,6 +59,7 @@ class Run:
     n: int
     label: str
     mass: str = "consistent"
+    partition: str = "auto"
     damping: float = 0.0
     rest: int = 0
     more: str = ""
@@ -99,7 +101,7 @@ def run_one(case: Case, run: Run) -> tuple[np.ndarray, np.ndarray]:
     bar = Bar(GRAINS, free, ghosts, run.rest or 120 // run.n, run.n, PRESSED)
     z = make(bar, case)
     steps = STEPS // run.m
-    how = f"mass = '{run.mass}', fine_damping = {run.damping:.17g}"
+    how = f"mass = '{run.mass}', partition = '{run.partition}', fine_damping = {run.damping:.17g}"
     if run.domain:
         how = f"method = 'bridging_domain', multipliers = '{run.domain}'"
     values = deck_values(STEP, run.m, steps, how=how)
@@ -170,8 +172,22 @@ def judge(case: Case, curves: dict) -> None:
         "of waves of 13 elements and less",
     )  # fmt: skip
     judge_domain(case, curves)
-    nearest = at(curves["n = 4, mass = 'nearest'"], 0.25 / 4)
-    case.above("mass = 'nearest': at nw = 0.25", nearest, 0.04, "shifts the mass inwards")
+    judge_choices(case, curves)
+
+
+def judge_choices(case: Case, curves: dict) -> None:
+    """Judge what the ways with the mass and the partition reflect beside one another."""
+    nearest = curves["n = 4, mass = 'nearest'"]
+    case.above("mass = 'nearest': at nw = 0.25", at(nearest, 0.25 / 4), 0.04, "mass goes inwards")
+    for nw in (0.25, 0.5):
+        for mass, name in (("consistent", "n = 4"), ("projected", "n = 4, mass = 'projected'")):
+            ratio = at(curves[name], nw / 4) / at(nearest, nw / 4)
+            case.below(f"mass = '{mass}' over 'nearest': at nw = {nw}", ratio, 0.75)
+    for mass, most in (("consistent", 0.65), ("projected", 0.85), ("nearest", 0.85)):
+        shared = at(curves[f"n = 4, mass = '{mass}', share"], 0.55 / 4)
+        whole = "n = 4" if mass == "consistent" else f"n = 4, mass = '{mass}'"
+        ratio = shared / at(curves[whole], 0.55 / 4)
+        case.below(f"mass = '{mass}', share over fit: at nw = 0.55", ratio, most)
 
 
 def judge_domain(case: Case, curves: dict) -> None:
@@ -215,6 +231,7 @@ def run(case: Case) -> None:
         Run(8, "n = 8, damped", damping=DAMPING),
         Run(4, "n = 4, mass = 'projected'", mass="projected"),
         Run(4, "n = 4, mass = 'nearest'", mass="nearest"),
+        *(Run(4, f"n = 4, mass = '{m}', share", mass=m, partition="share") for m in MASSES),
         Run(4, "n = 4, dashpots close by", rest=8, more=lysmer),
         Run(4, "n = 4, m = 4", m=4),
         Run(4, "n = 4, domain, consistent", domain="consistent"),
