@@ -2,7 +2,8 @@
 
 Usage: soil.py sample OUT | shear OUT | fit OUT. `sample` cuts a box from OUT/pressed.h5 and writes
 the decks that bring it to rest under the stress of probe_probe.json; `shear` lets the next deck go
-on from there; `fit` reads the test and writes soil.json, soil.png and decks in chord/ and plastic/.
+on from there; `fit` reads the test, the stress and the height of the bed, and writes soil.json,
+soil.png and decks in chord/ and plastic/.
 """
 
 import json
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.look import COLOURS, new_figure, save_figure
+from talus.mesh import read_mesh
 from talus.packing import FREE, read_packing, write_packing_file
 from talus.verification import read_history
 
@@ -94,6 +96,13 @@ def angle(slope: float) -> float:
     return float(np.degrees(np.arcsin(3.0 * slope / (2.0 * np.sqrt(6.0) + slope))))
 
 
+def rest_of(out: Path) -> dict[str, float]:
+    """The bed at rest: horizontal over vertical stress, height of the surface of the mesh [m]."""
+    stress = stresses(out)
+    top = float(read_mesh(out / "surround.h5").x[:, 2].max())
+    return {"k0": stress["level"] / stress["upright"], "top": top}
+
+
 def draw(out: Path, soil: dict[str, float]) -> None:
     """The test, and the chord that stands for it."""
     test = test_of(out)
@@ -118,7 +127,7 @@ def main() -> int:
     elif step == "shear":
         go_on(out)
     else:
-        soil = fit(out)
+        soil = fit(out) | rest_of(out)
         (out / "soil.json").write_text(json.dumps(soil, indent=2) + "\n")
         draw(out, soil)
         for name in ("chord", "plastic"):
