@@ -80,6 +80,7 @@ module fem_parts
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
+    real(wp) :: cost_quotient = -1.0_wp          !! factors over conjugate gradients, < 0 not known
   contains
     procedure :: forget_factors
     procedure :: forget_numbers

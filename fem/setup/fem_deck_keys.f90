@@ -870,9 +870,10 @@ contains
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which are reused' &
       //' by any number of steps; `iterative` by conjugate gradients with an incomplete ' &
-      //'factorisation, for large problems of few steps. `auto`: iterative from 40 000 ' &
-      //'degrees of freedom on, unless there are more than ten steps or the run is ' &
-      //'coupled; direct if it does not converge. Dynamics is direct.')
+      //'factorisation, for large problems of few steps. `auto`: what costs less by an ' &
+      //'estimate from size, shape, supports, element kind and Poisson''s ratio; direct ' &
+      //'for more than ten steps, coupled runs, and if it does not converge. Dynamics is ' &
+      //'direct.')
     call table%preset('auto')
     call table%allow('auto|direct|iterative')
     call table%only_with('kind', 'static')

@@ -4,13 +4,13 @@ module fem_setup_solver
   use talus_deck, only: deck_type
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
+  use fem_solver_choice, only: cost_quotient
   use fem_mumps, only: storage_memory, storage_disk
   use fem_solver, only: fem_solver_type
   implicit none
   private
   public :: read_storage, choose_solver
 
-  integer(i4), parameter :: large = 40000  !! degrees of freedom above which iteration is faster
   real(wp), parameter :: few_steps = 10.0_wp
 
 contains
@@ -31,8 +31,9 @@ contains
     end associate
   end subroutine read_storage
 
-  !> Conjugate gradients for large statics of few steps, factors otherwise; `by_itself` is true
-  !! that the deck leaves the choice open.
+  !> Conjugate gradients for statics of few steps where they cost less, factors otherwise;
+  !! `by_itself` is true that the deck leaves the choice open. The estimate is made once, before
+  !! ranks keep their own elements alone: all choose alike.
   subroutine choose_solver(deck, body, analysis, served, by_itself)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -48,7 +49,12 @@ contains
         call deck%get('analysis', 1, 'tolerance', solver%tolerance)
       if (.not. by_itself) return
       solver%iterative = analysis%iterative .and. .not. (served .or. body%matter%active) .and. &
-        count(.not. body%supports%held) >= large .and. analysis%t_end <= few_steps*analysis%dt
+        analysis%t_end <= few_steps*analysis%dt
+      if (.not. solver%iterative) return
+      if (body%system%cost_quotient < 0.0_wp) body%system%cost_quotient = &
+        cost_quotient(body%mesh, body%elastic, body%supports%held)
+      solver%iterative = body%system%cost_quotient > 1.0_wp .and. &
+        analysis%t_end <= body%system%cost_quotient*analysis%dt
     end associate
   end subroutine choose_solver
 end module fem_setup_solver
