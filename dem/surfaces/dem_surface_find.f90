@@ -65,7 +65,9 @@ contains
     integer(i4) :: triangle, k
 
     triangle = s%list%candidate(c)
-    p = s%mesh%x(:, s%mesh%corner(:, triangle)) + spread(features%image, 2, 3)
+    do k = 1, 3
+      p(:, k) = s%mesh%x(:, s%mesh%corner(k, triangle)) + features%image
+    end do
     n = cross(p(:, 2) - p(:, 1), p(:, 3) - p(:, 1))
     n = n/sqrt(sum(n*n))
     gap = dot_product(grain%x - p(:, 1), n)
