@@ -17,6 +17,7 @@ module dem_setup_surface_cell
     'cylinder', 'membrane']  !! in the order of the bodies
   character(len=12), parameter :: motions(3) = [character(len=12) :: 'cell_rate', 'cell_stress', &
     'probe']
+  real(wp), parameter :: widest = 1.0_wp - 1.0e-6_wp  !! of an edge, with a gap to the image
   real(wp), parameter :: along_axis = 1.0e-9_wp  !! part of a spin across an axis that is none
 
 contains
@@ -76,9 +77,9 @@ contains
         cycle
       end if
       width = body_width(s, b, cell, k, turns)
-      if (width < 1.0_wp) cycle
-      call refuse(deck, b, "'"//s%name(b)%s//"' is as wide as "//short_number(width)// &
-                  ' edges '//str(k)//' of the periodic cell: it would meet its own image', &
+      if (width < widest) cycle
+      call refuse(deck, b, "'"//s%name(b)%s//"' reaches over "//short_number(width)// &
+                  ' of edge '//str(k)//' of the periodic cell: it would meet its own image', &
                   'a wider cell; floors and plates without end are walls, bars without end '// &
                   'cylinders without length', errors)
     end do

@@ -12,9 +12,9 @@ from talus import tile as tiles
 from talus.checksum import edited
 from talus.cli import main
 from talus.faults import FaultError
-from talus.packing import Packing, read_h5, read_packing, write_h5
+from talus.packing import Packing, make_packing, read_h5, read_packing, write_h5
 from talus.programs import find_program
-from talus.tile import next_friction
+from talus.tile import Wanted, next_friction, run_deck, search_friction
 from talus.tile_stamp import SHARES, check_images, measured_stress, read_stamp
 from talus.verification import field_steps, read_history
 
@@ -173,6 +173,48 @@ def test_friction_of_making_is_found() -> None:
         while (mu := next_friction(found)) is not None:
             found.append((mu, fraction(mu) - wanted))
         assert found[-1][0] == end
+
+
+class FakeStages:
+    """Stages whose packing has one sphere and a solid fraction that falls with friction."""
+
+    def press(self, friction: float, *_: object) -> Packing:
+        """Return a sphere of 1 m3 in a cell."""
+        edge = (0.64 - 0.07 * friction / (friction + 0.2)) ** (-1.0 / 3.0)
+        pack = make_packing(np.zeros((1, 3)), np.full((1, 3), (0.75 / np.pi) ** (1.0 / 3.0)))
+        pack.cell = edge * np.eye(3)
+        return pack
+
+
+def test_search_ends_or_says_why() -> None:
+    """The friction that is found gives the fraction; E517 names the limit or the trials."""
+
+    def search(fraction: float, trials: int = 12) -> float:
+        wanted = Wanted(1e5, 0.5, 2650.0, 1e9, 0.25, fraction, trials=trials, tolerance=1e-4)
+        return search_friction(FakeStages(), wanted, lambda _: None)
+
+    mu = search(0.6)
+    assert abs(0.64 - 0.07 * mu / (mu + 0.2) - 0.6) <= 1e-4
+    with pytest.raises(FaultError, match="E517.*densest packing of these grains has 0.6400"):
+        search(0.7)
+    with pytest.raises(FaultError, match="E517.*loosest"):
+        search(0.5)
+    with pytest.raises(FaultError, match="E517.*no friction of making was found in 2"):
+        search(0.6, 2)
+
+
+def test_failed_stage_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A stage that talus-dem does not finish is E518 and not kept; the next try runs it again."""
+    program = tmp_path / "talus-dem"
+    program.write_text("#!/bin/sh\necho 'error N203: not at rest'\nexit 2\n")
+    program.chmod(0o755)
+    monkeypatch.setenv("TALUS_BIN", str(tmp_path))
+    write_h5(tmp_path / "cloud.h5", FakeStages().press(0.1))
+    for _ in range(2):
+        with pytest.raises(FaultError, match="E518.*stage press: error N203") as fault:
+            run_deck(tmp_path, "press", "&particles file = 'cloud.h5' /\n")
+        assert fault.value.exit_code == 2
+    assert not (tmp_path / "press.done").exists()
 
 
 @pytest.mark.parametrize(
