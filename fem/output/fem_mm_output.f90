@@ -90,7 +90,9 @@ contains
     integer(i4) :: e, k
     do e = 1, body%mesh%elements
       associate (a => body%elastic%point(e), b => body%elastic%point(e + 1) - 1, m => body%matter)
-        mean(:, e) = matmul(m%accepted_state(:named_states, a:b), m%weight(a:b))/sum(m%weight(a:b))
+        ! where grains stand for an element whole, it has no weight
+        mean(:, e) = matmul(m%accepted_state(:named_states, a:b), m%weight(a:b)) &
+          /max(sum(m%weight(a:b)), tiny(1.0_wp))
         mean(at_flag, e) = maxval(m%accepted_state(at_flag, a:b))
         mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
       end associate
