@@ -14,7 +14,7 @@ program test_dem_record_layout
   call check_block('shape', shape_columns, 51_i4 + body_size, 14_i4 + shape_size)
   call check_block('contact', contact_columns, 1_i4, 8_i4 + history_size + result_size)
   call check_block('grain at surfaces', touch_head_columns, 1_i4, 8_i4)
-  call check_block('contact with a surface', slot_columns, 1_i4, history_size + 20_i4)
+  call check_block('contact with a surface', slot_columns, 1_i4, history_size + 23_i4)
   call check_block('listed contact', list_columns, 1_i4, 20_i4)
   call check_block('target', target_columns, 1_i4, 26_i4)
   call check_block('load', load_columns, 1_i4, 7_i4)
