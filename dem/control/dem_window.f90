@@ -14,6 +14,7 @@ module dem_window
   use dem_clock, only: interval_ends
   use dem_entry, only: make_entering, check_ids
   use dem_make, only: sorted_order
+  use dem_packed_contacts, only: row_of
   use dem_packing, only: dem_packing_type, read_packing
   use dem_start_springs, only: start_springs_type
   use dem_state, only: dem_grains_type, kind_free, kind_fixed, kind_driven, window_size
@@ -381,22 +382,6 @@ contains
       row(2, c) = row_of(tile%id, tile%springs%ids(2, c))
     end do
   end subroutine rows_of
-
-  !> Where an id stands among ids that rise and hold it.
-  pure integer(i4) function row_of(ids, id) result(low)
-    integer(i8), intent(in) :: ids(:), id
-    integer(i4) :: high, middle
-    low = 1
-    high = size(ids)
-    do while (low < high)
-      middle = (low + high)/2
-      if (ids(middle) < id) then
-        low = middle + 1
-      else
-        high = middle
-      end if
-    end do
-  end function row_of
 
   !> What is behind the next copy leaves, a layer of that is held.
   subroutine drop(self, system)

@@ -17,7 +17,7 @@ module dem_packed_contacts
   use dem_state, only: dem_cell_type
   implicit none
   private
-  public :: read_springs, put_springs, first_missing
+  public :: read_springs, put_springs, first_missing, row_of
 
 contains
 
