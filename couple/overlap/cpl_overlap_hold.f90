@@ -16,7 +16,7 @@ module cpl_overlap_hold
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: hold_solid, rest_beyond
+  public :: hold_solid, rest_beyond, rehearse
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
 

@@ -6,9 +6,9 @@
 module cpl_overlap_start
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_force, verb_ready, verb_set
+  use talus_message, only: verb_force, verb_set
   use talus_port_names, only: dot_force, dot_moment, field_brief, field_couple, field_held, &
-    field_held_phi, field_phi, field_rehearsal, field_scope, field_u, field_value, field_what, &
+    field_held_phi, field_phi, field_scope, field_u, field_value, field_what, &
     role_report, scope_balance, what_initial_stress
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type
@@ -16,6 +16,7 @@ module cpl_overlap_start
   use cpl_initial, only: initial_state_type, correct_initial
   use cpl_moduli, only: choose_moduli, send_moduli
   use cpl_overlap, only: overlap_type
+  use cpl_overlap_hold, only: rehearse
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: prescribed_shares
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
@@ -159,18 +160,6 @@ contains
     end do
     if (.not. polar) couple = 0.0_wp
   end subroutine point_stresses
-
-  !> READY for a rehearsal, in which forces can be asked for without a file being opened.
-  subroutine rehearse(o, solid, timers, errors)
-    type(overlap_type), intent(in) :: o
-    type(cpl_solver_type), intent(inout) :: solid
-    type(timers_type), intent(inout) :: timers
-    type(error_list_type), intent(inout) :: errors
-    if (errors%any()) return
-    call solid%start_request(verb_ready, o%step, solid%time, solid%time)
-    call solid%request%put_int(field_rehearsal, 1_i4)
-    call solid%ask(timers, errors)
-  end subroutine rehearse
 
   !> SELECT all nodes and all micro-rotations, or one of each; which of them nothing holds. Hat
   !! nodes follow the grains, whatever the solid's deck says.

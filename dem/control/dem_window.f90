@@ -115,7 +115,7 @@ contains
     end if
   end subroutine find_body
 
-  !> Grains of a packing, and the loads of their surcharge, in the order of their ids.
+  !> Grains of a packing in the order of their ids.
   pure subroutine order_rows(tile)
     type(dem_packing_type), intent(inout) :: tile
     integer(i4) :: order(tile%n)
