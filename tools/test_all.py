@@ -1,5 +1,7 @@
-"""Run every test suite of Talus one after the other and add up what passed and failed.
+"""Run every test suite of Talus and add up what passed and failed.
 
+As many suites run at a time as there are cores, at most two; the cases of verification are the
+last suite and do so themselves.
 Usage: test_all.py [--bin build/bin] [--units build/unit] [--only NAME ...]
 Each suite prints its own failures and closes with 'N passed, M failed'.
 """
@@ -11,6 +13,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -21,12 +24,12 @@ PYTEST_FAILED = re.compile(r"(\d+) failed(?:, (\d+) passed)?")
 def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield (name, command) of every suite."""
     python = sys.executable
+    yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
     yield "keys", [python, "tools/keys.py", "--check"]
     yield "style", [python, "tools/style.py"]
     yield "mutants", [python, "tools/mutants.py", "--check"]
     for unit in sorted(units.glob("test_*")):
         yield f"unit {unit.name}", [str(unit)]
-    yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
     yield "errors", [python, "tools/test_errors.py", "--bin", str(binaries)]
     for script in sorted(ROOT.glob("tests/regression/*/run.*")) + sorted(
         ROOT.glob("tests/faults/*/run.*")
@@ -36,8 +39,13 @@ def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
         yield f"{script.parent.parent.name} {script.parent.name}", [
             *command, str(script), str(binaries), str(scratch),
         ]  # fmt: skip
-    yield "verification (quick)", [
-        python, "tools/verify.py", "--quick", "--bin", str(binaries), "--out", "build/verification",
+
+
+def cases(binaries: Path, jobs: int) -> tuple[str, list[str]]:
+    """Return (name, command) of the quick verification cases, run on all cores."""
+    return "verification (quick)", [
+        sys.executable, "tools/verify.py", "--quick", "--jobs", str(jobs), "--bin", str(binaries),
+        "--out", "build/verification",
     ]  # fmt: skip
 
 
@@ -56,8 +64,9 @@ def tally(output: str, code: int) -> tuple[int, int]:
     return passed, failed
 
 
-def run_suite(name: str, command: list[str]) -> tuple[int, int]:
-    """Run one suite, print a line for it and its output when it failed."""
+def run_suite(suite: tuple[str, list[str]]) -> tuple[int, int]:
+    """Run one suite (name, command), print a line for it and its output when it failed."""
+    name, command = suite
     start = time.monotonic()
     environment = dict(os.environ, PYTHONPATH=str(ROOT / "prepost"))
     done = subprocess.run(
@@ -70,9 +79,8 @@ def run_suite(name: str, command: list[str]) -> tuple[int, int]:
     )
     passed, failed = tally(done.stdout, done.returncode)
     seconds = time.monotonic() - start
-    print(f"{name:40s} {passed:4d} passed {failed:4d} failed {seconds:8.1f} s", flush=True)
-    if failed:
-        print(done.stdout[-6000:], flush=True)
+    line = f"{name:40s} {passed:4d} passed {failed:4d} failed {seconds:8.1f} s"
+    print("\n".join([line, done.stdout[-6000:]] if failed else [line]), flush=True)
     return passed, failed
 
 
@@ -85,12 +93,18 @@ def main() -> int:
         "--only", nargs="*", default=[], help="suites whose name contains one of these"
     )
     options = parser.parse_args()
-    passed = failed = 0
-    for name, command in suites(options.bin.resolve(), options.units.resolve()):
-        if options.only and not any(word in name for word in options.only):
-            continue
-        good, bad = run_suite(name, command)
-        passed, failed = passed + good, failed + bad
+    jobs = min(os.cpu_count() or 1, 2)
+    binaries = options.bin.resolve()
+    verification = cases(binaries, jobs)
+    wanted = [
+        suite
+        for suite in [*suites(binaries, options.units.resolve()), verification]
+        if not options.only or any(word in suite[0] for word in options.only)
+    ]
+    with ThreadPoolExecutor(jobs) as pool:
+        tallies = list(pool.map(run_suite, [suite for suite in wanted if suite != verification]))
+    tallies += [run_suite(verification)] if verification in wanted else []
+    passed, failed = sum(good for good, _ in tallies), sum(bad for _, bad in tallies)
     print(f"{passed} passed, {failed} failed")
     return 1 if failed or not passed else 0
 

@@ -1,22 +1,25 @@
 """Run verification cases and write build/verification/summary.json.
 
-Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--bin build/bin]
-       [--out build/verification]
+Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--jobs N]
+       [--bin build/bin] [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
 Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem,
-by talus-couple too, has that many; give --out another folder then.
+by talus-couple too, has that many; give --out another folder then. With --jobs so many cases run at
+a time, on one thread each.
 """
 
 import argparse
 import difflib
 import importlib.util
 import json
+import multiprocessing
 import os
 import shutil
 import sys
 import time
 import tomllib
 import traceback
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -38,8 +41,21 @@ def find_cases() -> dict[str, dict]:
     return cases
 
 
-def run_case(facts: dict, binaries: Path, out: Path, ranks: int) -> dict:
-    """Run one case in a scratch copy of its folder; return its entry of the summary."""
+def run_cases(chosen: list[dict], settings: tuple[Path, Path, int], jobs: int) -> Iterator[dict]:
+    """Yield the entries of the chosen cases as they end; with jobs > 1 each has its own process."""
+    work = [(facts, *settings) for facts in chosen]
+    if jobs < 2:
+        for item in work:
+            yield run_case(item)
+        return
+    os.environ.setdefault("OMP_NUM_THREADS", "1")
+    with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
+        yield from pool.imap_unordered(run_case, work, chunksize=1)
+
+
+def run_case(item: tuple[dict, Path, Path, int]) -> dict:
+    """Run one case (facts, binaries, out, ranks) in a copy of its folder; return its entry."""
+    facts, binaries, out, ranks = item
     scratch = out / facts["id"]
     shutil.rmtree(scratch, ignore_errors=True)
     shutil.copytree(facts["folder"], scratch)
@@ -106,6 +122,7 @@ def main() -> int:
     parser.add_argument("--area", nargs="+", default=[])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--ranks", type=int, default=0)
+    parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
     options = parser.parse_args()
