@@ -134,8 +134,8 @@ def main() -> int:
     old = json.loads(summary.read_text())["cases"] if summary.exists() else []
     results = {entry["id"]: entry for entry in old if entry["id"] in cases}
     passed = failed = 0
-    for facts in choose(cases, options.case, options.quick, options.area):
-        entry = run_case(facts, options.bin.resolve(), out, options.ranks)
+    chosen = choose(cases, options.case, options.quick, options.area)
+    for entry in run_cases(chosen, (options.bin.resolve(), out, options.ranks), options.jobs):
         results[entry["id"]] = entry
         passed, failed = passed + entry["pass"], failed + (not entry["pass"])
         show(entry)
