@@ -63,12 +63,21 @@ def c_header(port: Port) -> str:
 
 
 def py_table(name: str, doc: str, entries: list[tuple[str, object]]) -> list[str]:
-    """Return a dictionary, one entry a line."""
+    """Return a dictionary: texts one entry a line, numbers as many as fit."""
     lines = [f"# {doc}", f"{name} = {{"]
+    if all(isinstance(value, int) for _, value in entries):
+        body = " ".join(f'"{key}":_{value},' for key, value in entries)
+        return [*lines, *(f"    {line}" for line in wrapped(body)), "}", ""]
     for key, value in entries:
         text = f'"{value}"' if isinstance(value, str) else repr(value)
         lines.append(f'    "{key}": {text},')
     return [*lines, "}", ""]
+
+
+def wrapped(body: str) -> list[str]:
+    """Return lines of entries; `:_` marks a blank at which none is broken."""
+    lines = textwrap.wrap(body, 92, break_long_words=False, break_on_hyphens=False)
+    return [line.replace(":_", ": ") for line in lines]
 
 
 def py_field(field: dict) -> str:

@@ -9,7 +9,7 @@ module talus_message
   use talus_errors, only: error_list_type
   use talus_verbs, only: verb_hello, verb_describe, verb_select, verb_set, verb_ready, &
     verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, verb_reject, &
-    verb_checkpoint, verb_write, verb_stop, verb_abort, verb_name
+    verb_checkpoint, verb_write, verb_stop, verb_abort, verb_wake, verb_sleep, verb_relax, verb_name
   use talus_message_buffer, only: message_buffer_type, field_type, copy_bytes, text_to_words, &
     words_to_text, kind_real, kind_integer, kind_text, protocol_version, name_length
   use talus_port_names, only: field_error_code, field_error_hint, field_error_message, &
@@ -19,7 +19,7 @@ module talus_message
   public :: message_type, protocol_version, name_length, verb_name
   public :: verb_hello, verb_describe, verb_select, verb_set, verb_ready
   public :: verb_advance, verb_solve, verb_force, verb_kick_drift, verb_accept, verb_reject
-  public :: verb_checkpoint, verb_write, verb_stop, verb_abort
+  public :: verb_checkpoint, verb_write, verb_stop, verb_abort, verb_wake, verb_sleep, verb_relax
 
   !> One request or reply. Reuse the same variable: its buffers are kept.
   type, extends(message_buffer_type) :: message_type

@@ -11,33 +11,34 @@ module talus_port_names
   public :: field_axes, field_border_old, field_branch, field_brief, field_capabilities
   public :: field_connectivity, field_couple, field_couple_stress, field_deck_hash, field_drift
   public :: field_dt, field_early, field_element, field_error_code, field_error_hint
-  public :: field_error_message, field_error_place, field_fields, field_final, field_force
-  public :: field_gravity, field_group, field_hash, field_held, field_held_phi, field_id
-  public :: field_ids, field_impulse, field_inertia, field_iterations, field_kick, field_kind
-  public :: field_law, field_load, field_mass, field_mass_phi, field_mass_u, field_material
-  public :: field_mean, field_mean_force, field_mean_moment, field_micro_stress
+  public :: field_error_message, field_error_place, field_exponent, field_fields, field_final
+  public :: field_force, field_gravity, field_group, field_hash, field_held, field_held_phi
+  public :: field_id, field_ids, field_impulse, field_inertia, field_iterations, field_kick
+  public :: field_kind, field_law, field_load, field_mass, field_mass_phi, field_mass_u
+  public :: field_material, field_mean, field_mean_force, field_mean_moment, field_micro_stress
   public :: field_micromorphic, field_micropolar, field_moduli, field_moment
-  public :: field_moment_impulse, field_motion, field_names, field_node, field_node_phi
-  public :: field_normal, field_omega, field_path, field_phi, field_phi_acceleration
-  public :: field_phi_rate, field_point, field_poisson, field_polar, field_program
-  public :: field_protocol, field_quat, field_radius, field_ranks, field_reaction
+  public :: field_moment_impulse, field_motion, field_moved, field_names, field_node
+  public :: field_node_phi, field_normal, field_omega, field_path, field_phi
+  public :: field_phi_acceleration, field_phi_rate, field_point, field_poisson, field_polar
+  public :: field_program, field_protocol, field_quat, field_radius, field_ranks, field_reaction
   public :: field_reaction_moment, field_rehearsal, field_restart, field_role, field_run_id
-  public :: field_scalars, field_scope, field_set, field_speed, field_speed_phi, field_start
-  public :: field_steady, field_step_limit, field_stiffness, field_stiffness_phi, field_stress
-  public :: field_substeps, field_t_end, field_tag, field_tangent, field_theta, field_time
-  public :: field_trial, field_triangle, field_u, field_v, field_value, field_value_phi
-  public :: field_version, field_weight, field_weight_phi, field_what, field_work, field_x
-  public :: field_young, dot_a, dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment
-  public :: dot_moment, dot_moment_impulse, dot_omega, dot_phi, dot_phi_acceleration
-  public :: dot_phi_rate, dot_quat, dot_reaction, dot_reaction_moment, dot_theta, dot_u, dot_v
-  public :: dot_work, dot_x, what_grains, what_contacts, what_border, what_mesh, what_facets
-  public :: what_quadrature, what_moduli, what_groups, what_group, what_contact_weight
+  public :: field_scalars, field_scope, field_set, field_skew, field_speed, field_speed_phi
+  public :: field_start, field_steady, field_step_limit, field_steps, field_stiffness
+  public :: field_stiffness_phi, field_stress, field_substeps, field_t_end, field_tag
+  public :: field_tangent, field_theta, field_time, field_tolerance, field_trial, field_triangle
+  public :: field_u, field_unbalanced, field_v, field_value, field_value_phi, field_version
+  public :: field_weight, field_weight_phi, field_what, field_work, field_x, field_young, dot_a
+  public :: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, dot_moment
+  public :: dot_moment_impulse, dot_omega, dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat
+  public :: dot_reaction, dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x
+  public :: what_grains, what_contacts, what_border, what_mesh, what_facets, what_quadrature
+  public :: what_moduli, what_groups, what_group, what_contact_weight, what_kind
   public :: what_mass_factor, what_quad_weight, what_initial_stress, what_springs, what_dead_load
   public :: scope_all, scope_interface, scope_balance, scope_loads, scope_split, scope_between
   public :: can_report, can_prescribe, can_load, can_surface, can_border, can_advance, can_solve
   public :: can_force, can_kick_drift, can_reject, can_checkpoint, can_rehearsal
-  public :: can_contact_weight, can_mass_factor, can_springs, can_dead_load, can_initial_stress
-  public :: can_quad_weight, can_moduli
+  public :: can_contact_weight, can_mass_factor, can_population, can_springs, can_dead_load
+  public :: can_initial_stress, can_quad_weight, can_moduli
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -64,7 +65,7 @@ module talus_port_names
   character(len=*), parameter :: field_a = 'a'
   character(len=*), parameter :: field_ahead = 'ahead'  !! KICK_DRIFT
   character(len=*), parameter :: field_analysis = 'analysis'  !! HELLO
-  character(len=*), parameter :: field_axes = 'axes'  !! DESCRIBE grains
+  character(len=*), parameter :: field_axes = 'axes'  !! WAKE, DESCRIBE grains
   character(len=*), parameter :: field_border_old = 'border_old'  !! FORCE
   character(len=*), parameter :: field_branch = 'branch'  !! DESCRIBE contacts
   character(len=*), parameter :: field_brief = 'brief'  !! FORCE, KICK_DRIFT
@@ -83,28 +84,28 @@ module talus_port_names
   character(len=*), parameter :: field_error_hint = 'error.hint'
   character(len=*), parameter :: field_error_message = 'error.message'
   character(len=*), parameter :: field_error_place = 'error.place'
+  character(len=*), parameter :: field_exponent = 'exponent'  !! WAKE
   character(len=*), parameter :: field_fields = 'fields'  !! SELECT
   character(len=*), parameter :: field_final = 'final'  !! ACCEPT
-  character(len=*), parameter :: field_force = 'force'  !! DESCRIBE contacts, SET dead_load
+  character(len=*), parameter :: field_force = 'force'  !! WAKE, DESCRIBE contacts, SET dead_load
   character(len=*), parameter :: field_gravity = 'gravity'  !! HELLO
   character(len=*), parameter :: field_group = 'group'  !! DESCRIBE
   character(len=*), parameter :: field_hash = 'hash'  !! CHECKPOINT
   character(len=*), parameter :: field_held = 'held'  !! SELECT
   character(len=*), parameter :: field_held_phi = 'held_phi'  !! SELECT
-  character(len=*), parameter :: field_id = 'id'  !! SELECT and 4 more
-  character(len=*), parameter :: field_ids = 'ids'  !! DESCRIBE contacts, SET contact_weight
+  character(len=*), parameter :: field_id = 'id'  !! SELECT and 8 more
+  character(len=*), parameter :: field_ids = 'ids'  !! WAKE, DESCRIBE contacts, SET contact_weight
   character(len=*), parameter :: field_impulse = 'impulse'
   character(len=*), parameter :: field_inertia = 'inertia'  !! SELECT, DESCRIBE grains
   character(len=*), parameter :: field_iterations = 'iterations'  !! READY, SOLVE
   character(len=*), parameter :: field_kick = 'kick'  !! KICK_DRIFT
-  !> DESCRIBE grains, DESCRIBE mesh, DESCRIBE facets
-  character(len=*), parameter :: field_kind = 'kind'
+  character(len=*), parameter :: field_kind = 'kind'  !! WAKE and 4 more
   character(len=*), parameter :: field_law = 'law'  !! DESCRIBE moduli
   character(len=*), parameter :: field_load = 'load'
   character(len=*), parameter :: field_mass = 'mass'  !! SELECT, DESCRIBE grains
   character(len=*), parameter :: field_mass_phi = 'mass_phi'  !! DESCRIBE mesh
   character(len=*), parameter :: field_mass_u = 'mass_u'  !! DESCRIBE mesh
-  character(len=*), parameter :: field_material = 'material'  !! SELECT
+  character(len=*), parameter :: field_material = 'material'  !! SELECT, WAKE
   character(len=*), parameter :: field_mean = 'mean'  !! DESCRIBE moduli
   character(len=*), parameter :: field_mean_force = 'mean_force'
   character(len=*), parameter :: field_mean_moment = 'mean_moment'
@@ -115,11 +116,12 @@ module talus_port_names
   character(len=*), parameter :: field_moment = 'moment'  !! SET dead_load
   character(len=*), parameter :: field_moment_impulse = 'moment_impulse'
   character(len=*), parameter :: field_motion = 'motion'  !! HELLO
+  character(len=*), parameter :: field_moved = 'moved'  !! RELAX
   character(len=*), parameter :: field_names = 'names'  !! DESCRIBE groups
   character(len=*), parameter :: field_node = 'node'  !! DESCRIBE mesh, SET springs
   character(len=*), parameter :: field_node_phi = 'node_phi'  !! SET springs
   character(len=*), parameter :: field_normal = 'normal'  !! DESCRIBE contacts
-  character(len=*), parameter :: field_omega = 'omega'
+  character(len=*), parameter :: field_omega = 'omega'  !! WAKE
   character(len=*), parameter :: field_path = 'path'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_phi = 'phi'
   character(len=*), parameter :: field_phi_acceleration = 'phi_acceleration'
@@ -129,7 +131,7 @@ module talus_port_names
   character(len=*), parameter :: field_polar = 'polar'  !! DESCRIBE mesh
   character(len=*), parameter :: field_program = 'program'  !! HELLO
   character(len=*), parameter :: field_protocol = 'protocol'  !! HELLO
-  character(len=*), parameter :: field_quat = 'quat'  !! DESCRIBE grains
+  character(len=*), parameter :: field_quat = 'quat'  !! WAKE, DESCRIBE grains
   character(len=*), parameter :: field_radius = 'radius'  !! DESCRIBE grains
   character(len=*), parameter :: field_ranks = 'ranks'  !! HELLO
   character(len=*), parameter :: field_reaction = 'reaction'
@@ -141,25 +143,29 @@ module talus_port_names
   character(len=*), parameter :: field_scalars = 'scalars'  !! READY and 4 more
   character(len=*), parameter :: field_scope = 'scope'  !! FORCE
   character(len=*), parameter :: field_set = 'set'  !! SELECT and 3 more
+  character(len=*), parameter :: field_skew = 'skew'  !! WAKE
   character(len=*), parameter :: field_speed = 'speed'  !! SELECT
   character(len=*), parameter :: field_speed_phi = 'speed_phi'  !! SELECT
   character(len=*), parameter :: field_start = 'start'  !! DESCRIBE mesh
   character(len=*), parameter :: field_steady = 'steady'  !! FORCE
-  character(len=*), parameter :: field_step_limit = 'step_limit'  !! HELLO, SET
+  character(len=*), parameter :: field_step_limit = 'step_limit'  !! HELLO and 4 more
+  character(len=*), parameter :: field_steps = 'steps'  !! RELAX
   !> SELECT, DESCRIBE contacts, SET springs
   character(len=*), parameter :: field_stiffness = 'stiffness'
   character(len=*), parameter :: field_stiffness_phi = 'stiffness_phi'  !! SELECT, SET springs
   character(len=*), parameter :: field_stress = 'stress'  !! DESCRIBE quadrature
-  character(len=*), parameter :: field_substeps = 'substeps'  !! READY, ADVANCE
+  character(len=*), parameter :: field_substeps = 'substeps'  !! READY, ADVANCE, RELAX
   character(len=*), parameter :: field_t_end = 't_end'  !! HELLO
   character(len=*), parameter :: field_tag = 'tag'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_tangent = 'tangent'  !! DESCRIBE moduli
   character(len=*), parameter :: field_theta = 'theta'
   character(len=*), parameter :: field_time = 'time'  !! HELLO
+  character(len=*), parameter :: field_tolerance = 'tolerance'  !! RELAX
   character(len=*), parameter :: field_trial = 'trial'  !! SOLVE
   character(len=*), parameter :: field_triangle = 'triangle'  !! SELECT
   character(len=*), parameter :: field_u = 'u'
-  character(len=*), parameter :: field_v = 'v'
+  character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! RELAX
+  character(len=*), parameter :: field_v = 'v'  !! WAKE
   character(len=*), parameter :: field_value = 'value'  !! SET contact_weight and 3 more
   character(len=*), parameter :: field_value_phi = 'value_phi'  !! SET mass_factor
   character(len=*), parameter :: field_version = 'version'  !! HELLO
@@ -167,7 +173,7 @@ module talus_port_names
   character(len=*), parameter :: field_weight_phi = 'weight_phi'  !! SET springs
   character(len=*), parameter :: field_what = 'what'  !! DESCRIBE, SET
   character(len=*), parameter :: field_work = 'work'
-  character(len=*), parameter :: field_x = 'x'  !! SELECT and 3 more
+  character(len=*), parameter :: field_x = 'x'  !! SELECT and 4 more
   character(len=*), parameter :: field_young = 'young'  !! SET moduli
 
   ! Fields of a set, to follow its name: '<set>.<name>'.
@@ -210,6 +216,7 @@ module talus_port_names
   character(len=*), parameter :: what_groups = 'groups'  !! DESCRIBE
   character(len=*), parameter :: what_group = 'group'  !! DESCRIBE
   character(len=*), parameter :: what_contact_weight = 'contact_weight'  !! SET
+  character(len=*), parameter :: what_kind = 'kind'  !! SET
   character(len=*), parameter :: what_mass_factor = 'mass_factor'  !! SET
   character(len=*), parameter :: what_quad_weight = 'quad_weight'  !! SET
   character(len=*), parameter :: what_initial_stress = 'initial_stress'  !! SET
@@ -242,6 +249,7 @@ module talus_port_names
   character(len=*), parameter :: can_rehearsal = 'rehearsal'  !! READY with `rehearsal` = 1
   character(len=*), parameter :: can_contact_weight = 'contact_weight'  !! SET contact_weight
   character(len=*), parameter :: can_mass_factor = 'mass_factor'  !! SET mass_factor
+  character(len=*), parameter :: can_population = 'population'  !! WAKE, SLEEP, RELAX, SET kind
   character(len=*), parameter :: can_springs = 'springs'  !! SET springs
   character(len=*), parameter :: can_dead_load = 'dead_load'  !! SET dead_load
   character(len=*), parameter :: can_initial_stress = 'initial_stress'  !! SET initial_stress

@@ -44,6 +44,9 @@ enum talus_verb {
   TALUS_VERB_WRITE = 13, /* write fields now */
   TALUS_VERB_STOP = 14, /* normal end */
   TALUS_VERB_ABORT = 15, /* leave at once */
+  TALUS_VERB_WAKE = 16, /* grains enter; no time passes, all sets but surfaces are forgotten */
+  TALUS_VERB_SLEEP = 17, /* grains leave; no time passes, all sets but surfaces are forgotten */
+  TALUS_VERB_RELAX = 18, /* some free grains come to rest with adaptive damping, all else is held; no time passes, all sets but surfaces are forgotten */
 };
 
 /* kinds of elements and facets */
@@ -124,6 +127,7 @@ enum talus_scalar {
 #define TALUS_CAN_REHEARSAL "rehearsal"
 #define TALUS_CAN_CONTACT_WEIGHT "contact_weight"
 #define TALUS_CAN_MASS_FACTOR "mass_factor"
+#define TALUS_CAN_POPULATION "population"
 #define TALUS_CAN_SPRINGS "springs"
 #define TALUS_CAN_DEAD_LOAD "dead_load"
 #define TALUS_CAN_INITIAL_STRESS "initial_stress"
@@ -149,6 +153,7 @@ enum talus_scalar {
 #define TALUS_WHAT_GROUPS "groups"
 #define TALUS_WHAT_GROUP "group"
 #define TALUS_WHAT_CONTACT_WEIGHT "contact_weight"
+#define TALUS_WHAT_KIND "kind"
 #define TALUS_WHAT_MASS_FACTOR "mass_factor"
 #define TALUS_WHAT_QUAD_WEIGHT "quad_weight"
 #define TALUS_WHAT_INITIAL_STRESS "initial_stress"
@@ -176,6 +181,7 @@ enum talus_scalar {
 #define TALUS_FIELD_ERROR_HINT "error.hint"
 #define TALUS_FIELD_ERROR_MESSAGE "error.message"
 #define TALUS_FIELD_ERROR_PLACE "error.place"
+#define TALUS_FIELD_EXPONENT "exponent"
 #define TALUS_FIELD_FIELDS "fields"
 #define TALUS_FIELD_FINAL "final"
 #define TALUS_FIELD_FORCE "force"
@@ -207,6 +213,7 @@ enum talus_scalar {
 #define TALUS_FIELD_MOMENT "moment"
 #define TALUS_FIELD_MOMENT_IMPULSE "moment_impulse"
 #define TALUS_FIELD_MOTION "motion"
+#define TALUS_FIELD_MOVED "moved"
 #define TALUS_FIELD_NAMES "names"
 #define TALUS_FIELD_NODE "node"
 #define TALUS_FIELD_NODE_PHI "node_phi"
@@ -233,11 +240,13 @@ enum talus_scalar {
 #define TALUS_FIELD_SCALARS "scalars"
 #define TALUS_FIELD_SCOPE "scope"
 #define TALUS_FIELD_SET "set"
+#define TALUS_FIELD_SKEW "skew"
 #define TALUS_FIELD_SPEED "speed"
 #define TALUS_FIELD_SPEED_PHI "speed_phi"
 #define TALUS_FIELD_START "start"
 #define TALUS_FIELD_STEADY "steady"
 #define TALUS_FIELD_STEP_LIMIT "step_limit"
+#define TALUS_FIELD_STEPS "steps"
 #define TALUS_FIELD_STIFFNESS "stiffness"
 #define TALUS_FIELD_STIFFNESS_PHI "stiffness_phi"
 #define TALUS_FIELD_STRESS "stress"
@@ -247,9 +256,11 @@ enum talus_scalar {
 #define TALUS_FIELD_TANGENT "tangent"
 #define TALUS_FIELD_THETA "theta"
 #define TALUS_FIELD_TIME "time"
+#define TALUS_FIELD_TOLERANCE "tolerance"
 #define TALUS_FIELD_TRIAL "trial"
 #define TALUS_FIELD_TRIANGLE "triangle"
 #define TALUS_FIELD_U "u"
+#define TALUS_FIELD_UNBALANCED "unbalanced"
 #define TALUS_FIELD_V "v"
 #define TALUS_FIELD_VALUE "value"
 #define TALUS_FIELD_VALUE_PHI "value_phi"

@@ -7,7 +7,8 @@ module talus_verbs
   private
   public :: verb_hello, verb_describe, verb_select, verb_set, verb_ready, verb_advance
   public :: verb_solve, verb_force, verb_kick_drift, verb_accept, verb_reject, verb_checkpoint
-  public :: verb_write, verb_stop, verb_abort, verb_first, verb_last, verb_name
+  public :: verb_write, verb_stop, verb_abort, verb_wake, verb_sleep, verb_relax, verb_first
+  public :: verb_last, verb_name
 
   integer(i4), parameter :: verb_hello = 1  !! who are you; must be the first
   integer(i4), parameter :: verb_describe = 2  !! grains, contacts, mesh, facets, groups
@@ -29,11 +30,18 @@ module talus_verbs
   integer(i4), parameter :: verb_write = 13  !! write fields now
   integer(i4), parameter :: verb_stop = 14  !! normal end
   integer(i4), parameter :: verb_abort = 15  !! leave at once
+  !> grains enter; no time passes, all sets but surfaces are forgotten
+  integer(i4), parameter :: verb_wake = 16
+  !> grains leave; no time passes, all sets but surfaces are forgotten
+  integer(i4), parameter :: verb_sleep = 17
+  !> some free grains come to rest with adaptive damping, all else is held; no time passes, all
+  !! sets but surfaces are forgotten
+  integer(i4), parameter :: verb_relax = 18
 
-  integer(i4), parameter :: verb_first = verb_hello, verb_last = verb_abort
+  integer(i4), parameter :: verb_first = verb_hello, verb_last = verb_relax
   character(len=10), parameter :: names(verb_first:verb_last) = [character(len=10) :: &
     'HELLO', 'DESCRIBE', 'SELECT', 'SET', 'READY', 'ADVANCE', 'SOLVE', 'FORCE', 'KICK_DRIFT', &
-    'ACCEPT', 'REJECT', 'CHECKPOINT', 'WRITE', 'STOP', 'ABORT']
+    'ACCEPT', 'REJECT', 'CHECKPOINT', 'WRITE', 'STOP', 'ABORT', 'WAKE', 'SLEEP', 'RELAX']
 
 contains
 

@@ -5,11 +5,12 @@ module dem_port
   use omp_lib, only: omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_name, verb_advance, verb_force, verb_kick_drift
+  use talus_message, only: message_type, verb_name, verb_advance, verb_force, verb_kick_drift, &
+    verb_relax, verb_sleep, verb_wake
   use talus_options, only: options_type
   use talus_port_names, only: field_fields, field_ids, field_set, field_step_limit, &
     field_substeps, field_value, field_what, role_name, role_surface, what_contact_weight, &
-    what_mass_factor
+    what_kind, what_mass_factor
   use talus_serve, only: server_type, serve_partner, restart_file
   use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
@@ -18,6 +19,7 @@ module dem_port
   use dem_sets, only: dem_sets_type, selection_type
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
+  use dem_port_population, only: wake, sleep, relax, set_kinds
   use dem_port_surface, only: select_surface
   use dem_surface_values, only: set_velocities
   use dem_port_step, only: advance, force, kick_drift, put_sets
@@ -39,6 +41,7 @@ module dem_port
     real(wp), allocatable :: held_planes(:, :)  !! velocity of the planes [m/s]
     real(wp), allocatable :: held_surfaces(:, :)  !! velocity and spin of surfaces [m/s, rad/s]
     logical :: stale = .false.              !! kinds or masses changed: forces must be rebuilt
+    logical :: renewed = .false.            !! the population changed since READY
   contains
     procedure :: read => read_input
     procedure :: hello
@@ -58,6 +61,7 @@ module dem_port
     procedure, private :: refresh
     procedure, private :: hold
     procedure, private :: let_go
+    procedure, private :: repopulate
   end type dem_server_type
 
 contains
@@ -172,9 +176,11 @@ contains
       call set_weights(self, request, errors)
     case (what_mass_factor)
       call set_mass(self, request, errors)
+    case (what_kind)
+      call self%repopulate(request, reply, errors)
     case default
       call errors%add('P255', "talus-dem cannot set '"//what//"'", request%place(), &
-                      'valid are contact_weight and mass_factor')
+                      'valid are contact_weight, mass_factor and kind')
     end select
     if (.not. errors%any()) call reply%put(field_step_limit, self%model%system%step_limit())
   end subroutine set_values
@@ -207,14 +213,70 @@ contains
     end associate
   end subroutine set_weights
 
-  !> Masses and moments of inertia of a set, times a factor; only before the first step, or the
-  !! same as they are (after a restart).
+  !> WAKE, SLEEP, RELAX, SET kind: afterwards all that is by grain is made anew.
+  subroutine repopulate(self, request, reply, errors)
+    class(dem_server_type), intent(inout) :: self
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+
+    call self%refresh(errors)
+    if (errors%any()) return
+    call go_alone(self)
+    ids = self%model%system%grains%id
+    select case (request%verb)
+    case (verb_wake)
+      call wake(self%model, request, reply, errors)
+    case (verb_sleep)
+      call sleep(self%model, request, reply, errors)
+    case (verb_relax)
+      call relax(self%model, request, reply, errors)
+    case default
+      call set_kinds(self%model, request, errors)
+    end select
+    if (errors%any()) return
+    self%renewed = .true.
+    call self%sets%forget_grains()
+    call carry_masses(self, ids)
+  end subroutine repopulate
+
+  !> Masses of the packing and factors of the grains that were there; others have their own.
+  subroutine carry_masses(self, before)
+    type(dem_server_type), intent(inout) :: self
+    integer(i8), intent(in) :: before(:)  !! ids, rising
+    real(wp), allocatable :: mass(:), inertia(:, :), factor(:)
+    integer(i4) :: i, j
+    associate (g => self%model%system%grains)
+      mass = g%mass
+      inertia = g%inertia
+      allocate (factor(g%n), source=1.0_wp)
+      j = 1
+      do i = 1, g%n
+        do while (j < size(before))
+          if (before(j) >= g%id(i)) exit
+          j = j + 1
+        end do
+        if (j > size(before)) exit
+        if (before(j) /= g%id(i)) cycle
+        mass(i) = self%base_mass(j)
+        inertia(:, i) = self%base_inertia(:, j)
+        factor(i) = self%factor(j)
+      end do
+    end associate
+    call move_alloc(mass, self%base_mass)
+    call move_alloc(inertia, self%base_inertia)
+    call move_alloc(factor, self%factor)
+  end subroutine carry_masses
+
+  !> Masses and moments of inertia of a set, times a factor; only before the first step, after a
+  !! change of the population, or the same as they are (after a restart).
   subroutine set_mass(self, request, errors)
     type(dem_server_type), intent(inout) :: self
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: name
     real(wp), allocatable :: value(:)
+    real(wp), allocatable :: mass(:), inertia(:, :)
     real(wp), parameter :: same = 1.0e-12_wp
     integer(i4) :: k, j, i
 
@@ -228,17 +290,26 @@ contains
     if (errors%any()) return
     associate (index => self%sets%set(k)%index, g => self%model%system%grains)
       if (all(abs(value - self%factor(index)) <= same*value)) return
-      if (self%model%clock%steps > 0 .or. .not. all(value > 0.0_wp)) then
+      if ((self%model%clock%steps > 0 .and. .not. self%renewed) .or. &
+          .not. all(value > 0.0_wp)) then
         call errors%add('P253', 'mass factors must be positive and be set before the first step', &
                         request%place(), 'send them before READY')
         return
       end if
+      mass = g%mass
+      inertia = g%inertia
       do j = 1, size(index)
         i = index(j)
         self%factor(i) = value(j)
-        g%mass(i) = value(j)*self%base_mass(i)
-        g%inertia(:, i) = value(j)*self%base_inertia(:, i)
+        mass(i) = value(j)*self%base_mass(i)
+        inertia(:, i) = value(j)*self%base_inertia(:, i)
       end do
+      if (self%renewed) then
+        call self%model%system%weigh(mass, inertia)
+        return
+      end if
+      g%mass = mass
+      g%inertia = inertia
     end associate
     self%stale = .true.
     call self%refresh(errors)
@@ -252,10 +323,12 @@ contains
 
     call self%refresh(errors)
     if (errors%any()) return
+    if (self%renewed) call find_anew(self)
     if (self%rehearsing) then
       call self%hold()
     else
       call self%let_go()
+      self%model%histories%open_system = .true.  ! the partner may change the population
       if (.not. self%model%opened) call self%model%open(errors)
     end if
     if (errors%any()) return
@@ -268,6 +341,15 @@ contains
       call put_scalars(system, self%late, reply)
     end associate
   end subroutine ready
+
+  !> Forces of the grains that there are now, with the weights that they have now.
+  subroutine find_anew(self)
+    type(dem_server_type), intent(inout) :: self
+    logical :: none(self%model%system%grains%n)
+    none = .false.
+    call self%model%system%leave(none)
+    self%renewed = .false.
+  end subroutine find_anew
 
   !> Motion prescribed by the deck is suspended during a rehearsal.
   subroutine hold(self)
@@ -352,6 +434,8 @@ contains
       call force(self%model, self%sets, request, reply, self%late, errors)
     case (verb_kick_drift)
       call kick_drift(self%model, self%sets, request, reply, self%late, errors)
+    case (verb_wake, verb_sleep, verb_relax)
+      call self%repopulate(request, reply, errors)
     case default
       call errors%add('P259', 'talus-dem has no '//verb_name(request%verb), request%place(), &
                       'grains are moved with ADVANCE, or FORCE and KICK_DRIFT')

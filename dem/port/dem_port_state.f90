@@ -4,13 +4,13 @@ module dem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_port_names, only: can_advance, can_border, can_checkpoint, can_contact_weight, &
-    can_force, can_kick_drift, can_load, can_mass_factor, can_prescribe, can_rehearsal, &
-    can_reject, can_report, can_surface, field_axes, field_branch, field_capabilities, &
-    field_deck_hash, field_dt, field_force, field_gravity, field_id, field_ids, field_inertia, &
-    field_kind, field_mass, field_motion, field_names, field_normal, field_point, field_program, &
-    field_quat, field_radius, field_ranks, field_scalars, field_step_limit, field_stiffness, &
-    field_t_end, field_time, field_version, field_x, what_border, what_contacts, what_grains, &
-    what_group, what_groups
+    can_force, can_kick_drift, can_load, can_mass_factor, can_population, can_prescribe, &
+    can_rehearsal, can_reject, can_report, can_surface, field_axes, field_branch, &
+    field_capabilities, field_deck_hash, field_dt, field_force, field_gravity, field_id, &
+    field_ids, field_inertia, field_kind, field_mass, field_motion, field_names, field_normal, &
+    field_point, field_program, field_quat, field_radius, field_ranks, field_scalars, &
+    field_step_limit, field_stiffness, field_t_end, field_time, field_version, field_x, &
+    what_border, what_contacts, what_grains, what_group, what_groups
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, scalar_plastic, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
@@ -32,7 +32,7 @@ module dem_port_state
   character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
     ','//can_surface//','//can_border//','//can_advance//','//can_force//','//can_kick_drift// &
     ','//can_reject//','//can_checkpoint//','//can_rehearsal//','//can_contact_weight//','// &
-    can_mass_factor
+    can_mass_factor//','//can_population
 
 contains
 

@@ -37,6 +37,7 @@ module dem_sets
     procedure :: find
     procedure :: select
     procedure :: put => put_set
+    procedure :: forget_grains
   end type dem_sets_type
 
 contains
@@ -113,6 +114,20 @@ contains
     self%set(k)%index = index
     self%set(k)%body = body
   end subroutine put_set
+
+  !> Sets of grains are gone; those of surfaces stay.
+  subroutine forget_grains(self)
+    class(dem_sets_type), intent(inout) :: self
+    integer(i4) :: k, n
+    n = 0
+    do k = 1, self%count
+      if (self%set(k)%role /= role_surface) cycle
+      n = n + 1
+      if (n < k) call move_set(self%set(k), self%set(n))
+    end do
+    self%count = n
+    if (allocated(self%set)) self%set = self%set(:n)
+  end subroutine forget_grains
 
   subroutine move_set(from, to)
     type(dem_set_type), intent(inout) :: from, to

@@ -14,7 +14,7 @@ module dem_population
   use dem_pairs, only: build_pairs
   use dem_prescribed, only: put_body
   use dem_received_contacts, only: receive_contacts, give_results
-  use dem_record_layout, only: touch_grain, at_body
+  use dem_record_layout, only: touch_grain, at_body, at_first_id, at_second_id
   use dem_records, only: grain_reals, pack_grain, index_of
   use dem_shape_state, only: put_frame
   use dem_start_springs, only: start_springs_type, hang_springs
@@ -24,7 +24,13 @@ module dem_population
   use dem_surface_search, only: list_near
   implicit none
   private
-  public :: remove_grains, add_grains
+  public :: remove_grains, add_grains, weigh_grains
+  public :: memory_type, change_kinds, change_memory, gain
+
+  !> What contacts remember, as rows of dem_records and dem_surface_records.
+  type :: memory_type
+    real(wp), allocatable :: contacts(:, :), touches(:, :)
+  end type memory_type
 
 contains
 
@@ -75,6 +81,31 @@ contains
     d%last_id = max(d%last_id, maxval(entering%id))
   end subroutine add_grains
 
+  !> Masses and moments of inertia from now on.
+  subroutine weigh_grains(d, mass, inertia)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: mass(:), inertia(:, :)  !! (grains) [kg], (3, grains) [kg m^2]
+    type(dem_ledger_type) :: before
+    call refresh_stored(d, d%ledger_dt, before)
+    d%grains%mass = mass
+    d%grains%inertia = inertia
+    call change_memory(d)
+    d%ledger%entered = d%ledger%entered + gain(d, before)
+  end subroutine weigh_grains
+
+  !> A new list for grains whose kinds have changed. Of grains that were held meanwhile contacts
+  !! remember what they did before.
+  subroutine change_memory(d, memory, moving)
+    type(dem_data_type), intent(inout) :: d
+    type(memory_type), intent(in), optional :: memory  !! from before
+    logical, intent(in), optional :: moving(:)         !! (grains) that were not held
+    real(wp) :: none(grain_reals(d%grains%shapes%in_use), 0)
+    logical :: leaving(d%grains%n)
+    leaving = .false.
+    call exchange_grains(d, leaving, none, memory, moving)
+    call find_forces(d)
+  end subroutine change_memory
+
   !> Kinds from now on; what is held stands still.
   subroutine change_kinds(d, kind)
     type(dem_data_type), intent(inout) :: d
@@ -119,10 +150,12 @@ contains
   end function gain
 
   !> New arrays of grains and a new list for them; bodies are up to date, forces are not.
-  subroutine exchange_grains(d, leaving, entering)
+  subroutine exchange_grains(d, leaving, entering, memory, moving)
     type(dem_data_type), intent(inout) :: d
     logical, intent(in) :: leaving(:)        !! (grains)
     real(wp), intent(in) :: entering(:, :)   !! rows of dem_records, as columns
+    type(memory_type), intent(in), optional :: memory  !! of grains that have not moved
+    logical, intent(in), optional :: moving(:)         !! (grains)
     real(wp), allocatable :: stay(:, :), rows(:, :), contacts(:, :), touches(:, :)
 
     d%halo%shaped = d%grains%shapes%in_use
@@ -130,6 +163,7 @@ contains
     call pack_contacts(d, [-huge(1.0_wp), huge(1.0_wp)], contacts)
     if (d%surfaces%n > 0) call pack_touches(d, touches)
     if (d%surfaces%n > 0) call drop_touches(d, leaving, touches)
+    if (present(memory)) call recall(d, moving, memory, contacts, touches)
     allocate (rows(size(stay, 1), size(stay, 2) + size(entering, 2)))
     rows(:, :size(stay, 2)) = stay
     rows(:, size(stay, 2) + 1:) = entering
@@ -155,6 +189,47 @@ contains
                             - 2.0_wp*maxval(d%grains%radius))
     d%pairs%skin = min(d%pairs%skin, d%pairs%most_skin)
   end subroutine fit_list
+
+  !> In place of contacts of which no grain has moved those of before.
+  subroutine recall(d, moving, memory, contacts, touches)
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: moving(:)
+    type(memory_type), intent(in) :: memory
+    real(wp), allocatable, intent(inout) :: contacts(:, :), touches(:, :)
+    contacts = joined(contacts, moved(contacts, [at_first_id, at_second_id]), memory%contacts, &
+                      .not. moved(memory%contacts, [at_first_id, at_second_id]))
+    if (allocated(touches)) touches = joined(touches, moved(touches, [touch_grain]), &
+      memory%touches, .not. moved(memory%touches, [touch_grain]))
+
+  contains
+
+    !> Has one of a record's grains moved?
+    pure function moved(rows, at)
+      real(wp), intent(in) :: rows(:, :)
+      integer(i4), intent(in) :: at(:)
+      logical :: moved(size(rows, 2))
+      integer(i4) :: k, j, i
+      moved = .false.
+      do k = 1, size(rows, 2)
+        do j = 1, size(at)
+          if (rows(at(j), k) < 0.0_wp) cycle  ! a plane
+          i = index_of(d, rows(at(j), k))
+          if (i > 0) moved(k) = moved(k) .or. moving(i)
+        end do
+      end do
+    end function moved
+  end subroutine recall
+
+  !> Chosen columns of both.
+  pure function joined(a, of_a, b, of_b) result(c)
+    real(wp), intent(in) :: a(:, :), b(:, :)
+    logical, intent(in) :: of_a(:), of_b(:)
+    real(wp) :: c(max(size(a, 1), size(b, 1)), count(of_a) + count(of_b))
+    integer(i4) :: k
+    c = 0.0_wp
+    c(:size(a, 1), :count(of_a)) = a(:, pack([(k, k=1, size(a, 2))], of_a))
+    c(:size(b, 1), count(of_a) + 1:) = b(:, pack([(k, k=1, size(b, 2))], of_b))
+  end function joined
 
   !> Leave out the contacts of leaving grains with surfaces.
   subroutine drop_touches(d, leaving, touches)

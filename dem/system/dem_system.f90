@@ -7,7 +7,8 @@ module dem_system
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type, kind_free
+  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, kind_free, fed_size, &
+    drained_size
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
@@ -20,7 +21,8 @@ module dem_system
   use dem_parts, only: choose_border, place_ghosts
   use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
-  use dem_population, only: remove_grains, add_grains
+  use dem_hold, only: held_type, hold_others, let_others_go
+  use dem_population, only: remove_grains, add_grains, weigh_grains
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
@@ -28,7 +30,7 @@ module dem_system
   use dem_driven_system, only: dem_driven_system_type
   implicit none
   private
-  public :: dem_system_type, dem_contacts_type
+  public :: dem_system_type, dem_contacts_type, held_type
 
   !> The state of a system with its verbs; `kept` is the state that restore returns to.
   type, extends(dem_driven_system_type) :: dem_system_type
@@ -53,6 +55,10 @@ module dem_system
     procedure :: restore          !! (): return to the kept state
     procedure :: leave            !! (leaving): grains leave; no time passes
     procedure :: enter            !! (entering, springs): grains enter; no time passes
+    procedure :: weigh            !! (mass, inertia): of all grains; no time passes
+    procedure :: hold             !! (moving, held): all but some free grains; no time passes
+    procedure :: let_go           !! (held): those again; no time passes
+    procedure :: be_open          !! (): grains may enter and leave from now on
     procedure :: export_state     !! (archive): complete state as named arrays
     procedure :: import_state     !! (archive, errors): instead of init, bit for bit
   end type dem_system_type
@@ -266,11 +272,49 @@ contains
     call settle_change(self)
   end subroutine enter
 
+  !> Masses and moments of inertia of all grains from now on; the whole has been gathered.
+  subroutine weigh(self, mass, inertia)
+    class(dem_system_type), intent(inout) :: self
+    real(wp), intent(in) :: mass(:), inertia(:, :)  !! (grains) [kg], (3, grains) [kg m^2]
+    call follow_step(self%dem_data_type, self%par%dt)
+    call weigh_grains(self%dem_data_type, mass, inertia)
+    call settle_change(self)
+  end subroutine weigh
+
+  !> Hold all but some free grains, until let_go; the whole has been gathered.
+  subroutine hold(self, moving, held)
+    class(dem_system_type), intent(inout) :: self
+    logical, intent(in) :: moving(:)  !! (grains)
+    type(held_type), intent(out) :: held
+    call follow_step(self%dem_data_type, self%par%dt)
+    call hold_others(self%dem_data_type, moving, held)
+    call settle_change(self)
+  end subroutine hold
+
+  subroutine let_go(self, held)
+    class(dem_system_type), intent(inout) :: self
+    type(held_type), intent(inout) :: held
+    call follow_step(self%dem_data_type, self%par%dt)
+    call let_others_go(self%dem_data_type, held)
+    call settle_change(self)
+  end subroutine let_go
+
+  !> Checkpoints hold all of the grains from now on, not only their motion.
+  subroutine be_open(self)
+    class(dem_system_type), intent(inout) :: self
+    if (self%open) return
+    self%open = .true.
+    if (self%grains%n > 0) self%last_id = maxval(self%grains%id)
+    allocate (self%fed(fed_size, 0), self%drained(drained_size, 0))
+  end subroutine be_open
+
   !> Ranks and memory of steps know other grains.
   subroutine settle_change(self)
     class(dem_system_type), intent(inout) :: self
     type(step_memory_type) :: fresh
+    type(dem_parts_type) :: whole
     self%memory = fresh
+    self%parts = whole
     self%pending = 0.0_wp
     call self%begin_anew()
   end subroutine settle_change
@@ -289,6 +333,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (.not. allocated(self%planes%point)) call no_planes(self)
     call plan_additional(self%laws, self%pairs%additional)
+    if (archive%find('last_id') > 0) call self%be_open()
     call get_state(self%dem_data_type, archive, errors)
     self%ready = .not. errors%any()
   end subroutine import_state

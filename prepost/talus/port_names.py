@@ -13,94 +13,43 @@ SCALAR_COUNT = 19
 
 # verbs
 VERBS = {
-    "HELLO": 1,
-    "DESCRIBE": 2,
-    "SELECT": 3,
-    "SET": 4,
-    "READY": 5,
-    "ADVANCE": 6,
-    "SOLVE": 7,
-    "FORCE": 8,
-    "KICK_DRIFT": 9,
-    "ACCEPT": 10,
-    "REJECT": 11,
-    "CHECKPOINT": 12,
-    "WRITE": 13,
-    "STOP": 14,
-    "ABORT": 15,
+    "HELLO": 1, "DESCRIBE": 2, "SELECT": 3, "SET": 4, "READY": 5, "ADVANCE": 6, "SOLVE": 7,
+    "FORCE": 8, "KICK_DRIFT": 9, "ACCEPT": 10, "REJECT": 11, "CHECKPOINT": 12, "WRITE": 13,
+    "STOP": 14, "ABORT": 15, "WAKE": 16, "SLEEP": 17, "RELAX": 18,
 }
 
 # kinds of fields
 KINDS = {
-    "real": 1,
-    "integer": 2,
-    "text": 3,
+    "real": 1, "integer": 2, "text": 3,
 }
 
 # status of a reply, and exit codes
 STATUS = {
-    "good": 0,
-    "input": 1,
-    "numerical": 2,
-    "stopped": 3,
-    "system": 4,
-    "bug": 5,
+    "good": 0, "input": 1, "numerical": 2, "stopped": 3, "system": 4, "bug": 5,
 }
 
 # kinds of elements and facets
 CELLS = {
-    "hex8": 1,
-    "hex20": 2,
-    "hex27": 3,
-    "tet4": 4,
-    "tet10": 5,
-    "wedge6": 6,
-    "quad4": 7,
-    "quad8": 8,
-    "quad9": 9,
-    "tri3": 10,
-    "tri6": 11,
+    "hex8": 1, "hex20": 2, "hex27": 3, "tet4": 4, "tet10": 5, "wedge6": 6, "quad4": 7,
+    "quad8": 8, "quad9": 9, "tri3": 10, "tri6": 11,
 }
 
 # health flags
 FLAGS = {
-    "late_rebuild": 1,
-    "large_overlap": 2,
+    "late_rebuild": 1, "large_overlap": 2,
 }
 
 # words of the header, from 0
 HEADER = {
-    "magic": 0,
-    "protocol": 1,
-    "sequence": 2,
-    "verb": 3,
-    "step": 4,
-    "t0": 5,
-    "t1": 6,
-    "status": 7,
-    "fields": 8,
-    "words": 9,
-    "checksum": 10,
-    "waited": 11,
+    "magic": 0, "protocol": 1, "sequence": 2, "verb": 3, "step": 4, "t0": 5, "t1": 6,
+    "status": 7, "fields": 8, "words": 9, "checksum": 10, "waited": 11,
 }
 
 # first place of each scalar, from 0
 SCALARS = {
-    "kinetic": 0,
-    "elastic": 1,
-    "friction": 2,
-    "contact_damping": 3,
-    "background_damping": 4,
-    "curvature": 5,
-    "tangential_relaxation": 6,
-    "plastic": 7,
-    "boundary": 8,
-    "gravity": 9,
-    "momentum": 10,
-    "angular_momentum": 13,
-    "step_limit": 16,
-    "max_overlap": 17,
-    "flags": 18,
+    "kinetic": 0, "elastic": 1, "friction": 2, "contact_damping": 3, "background_damping": 4,
+    "curvature": 5, "tangential_relaxation": 6, "plastic": 7, "boundary": 8, "gravity": 9,
+    "momentum": 10, "angular_momentum": 13, "step_limit": 16, "max_overlap": 17, "flags": 18,
 }
 
 # unit of each scalar
@@ -131,7 +80,7 @@ ROLES = (
 CAPABILITIES = (
     "report", "prescribe", "load", "surface", "border", "advance", "solve", "force",
     "kick_drift", "reject", "checkpoint", "rehearsal", "contact_weight", "mass_factor",
-    "springs", "dead_load", "initial_stress", "quad_weight", "moduli",
+    "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli",
 )
 
 # scopes of FORCE
@@ -141,7 +90,8 @@ SCOPES = (
 
 WHATS = (
     "grains", "contacts", "border", "mesh", "facets", "quadrature", "moduli", "groups", "group",
-    "contact_weight", "mass_factor", "quad_weight", "initial_stress", "springs", "dead_load",
+    "contact_weight", "kind", "mass_factor", "quad_weight", "initial_stress", "springs",
+    "dead_load",
 )
 
 
@@ -168,6 +118,7 @@ class Field:
     ERROR_HINT = "error.hint"
     ERROR_MESSAGE = "error.message"
     ERROR_PLACE = "error.place"
+    EXPONENT = "exponent"
     FIELDS = "fields"
     FINAL = "final"
     FORCE = "force"
@@ -199,6 +150,7 @@ class Field:
     MOMENT = "moment"
     MOMENT_IMPULSE = "moment_impulse"
     MOTION = "motion"
+    MOVED = "moved"
     NAMES = "names"
     NODE = "node"
     NODE_PHI = "node_phi"
@@ -225,11 +177,13 @@ class Field:
     SCALARS = "scalars"
     SCOPE = "scope"
     SET = "set"
+    SKEW = "skew"
     SPEED = "speed"
     SPEED_PHI = "speed_phi"
     START = "start"
     STEADY = "steady"
     STEP_LIMIT = "step_limit"
+    STEPS = "steps"
     STIFFNESS = "stiffness"
     STIFFNESS_PHI = "stiffness_phi"
     STRESS = "stress"
@@ -239,9 +193,11 @@ class Field:
     TANGENT = "tangent"
     THETA = "theta"
     TIME = "time"
+    TOLERANCE = "tolerance"
     TRIAL = "trial"
     TRIANGLE = "triangle"
     U = "u"
+    UNBALANCED = "unbalanced"
     V = "v"
     VALUE = "value"
     VALUE_PHI = "value_phi"
@@ -309,9 +265,35 @@ REQUESTS = {
         ("early", "integer", "(1)", "both", False),
     ),
     "ABORT": (),
+    "WAKE": (
+        ("id", "integer", "(given)", "both", True),
+        ("kind", "integer", "(given)", "both", False),
+        ("material", "text", "text", "both", False),
+        ("x", "real", "(3, given)", "both", True),
+        ("quat", "real", "(4, given)", "both", False),
+        ("axes", "real", "(3, given)", "both", True),
+        ("skew", "real", "(3, given)", "both", False),
+        ("exponent", "real", "(given)", "both", False),
+        ("v", "real", "(3, given)", "both", False),
+        ("omega", "real", "(3, given)", "both", False),
+        ("ids", "integer", "(2, contacts)", "both", False),
+        ("force", "real", "(3, contacts)", "both", False),
+    ),
+    "SLEEP": (
+        ("id", "integer", "(given)", "both", True),
+    ),
+    "RELAX": (
+        ("id", "integer", "(given)", "both", True),
+        ("steps", "integer", "(1)", "both", True),
+        ("tolerance", "real", "(1)", "both", True),
+    ),
     "SET contact_weight": (
         ("ids", "integer", "(2, given)", "both", True),
         ("value", "real", "(given)", "both", True),
+    ),
+    "SET kind": (
+        ("id", "integer", "(given)", "both", True),
+        ("kind", "integer", "(given)", "both", True),
     ),
     "SET mass_factor": (
         ("set", "text", "text", "both", True),
@@ -408,6 +390,18 @@ REPLIES = {
     ),
     "STOP": (),
     "ABORT": (),
+    "WAKE": (
+        ("step_limit", "real", "(1)", "both", True),
+    ),
+    "SLEEP": (
+        ("step_limit", "real", "(1)", "both", True),
+    ),
+    "RELAX": (
+        ("substeps", "integer", "(1)", "both", True),
+        ("unbalanced", "real", "(1)", "both", True),
+        ("moved", "real", "(1)", "both", True),
+        ("step_limit", "real", "(1)", "both", True),
+    ),
     "DESCRIBE grains": (
         ("id", "integer", "(grains)", "both", True),
         ("x", "real", "(3, grains)", "both", True),
