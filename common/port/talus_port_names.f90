@@ -31,8 +31,8 @@ module talus_port_names
   public :: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, dot_moment
   public :: dot_moment_impulse, dot_omega, dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat
   public :: dot_reaction, dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x
-  public :: what_grains, what_contacts, what_border, what_mesh, what_facets, what_quadrature
-  public :: what_moduli, what_groups, what_group, what_contact_weight, what_kind
+  public :: what_grains, what_contacts, what_border, what_asleep, what_mesh, what_facets
+  public :: what_quadrature, what_moduli, what_groups, what_group, what_contact_weight, what_kind
   public :: what_mass_factor, what_quad_weight, what_initial_stress, what_springs, what_dead_load
   public :: scope_all, scope_interface, scope_balance, scope_loads, scope_split, scope_between
   public :: can_report, can_prescribe, can_load, can_surface, can_border, can_advance, can_solve
@@ -93,7 +93,7 @@ module talus_port_names
   character(len=*), parameter :: field_hash = 'hash'  !! CHECKPOINT
   character(len=*), parameter :: field_held = 'held'  !! SELECT
   character(len=*), parameter :: field_held_phi = 'held_phi'  !! SELECT
-  character(len=*), parameter :: field_id = 'id'  !! SELECT and 8 more
+  character(len=*), parameter :: field_id = 'id'  !! SELECT and 9 more
   character(len=*), parameter :: field_ids = 'ids'  !! WAKE, DESCRIBE contacts, SET contact_weight
   character(len=*), parameter :: field_impulse = 'impulse'
   character(len=*), parameter :: field_inertia = 'inertia'  !! SELECT, DESCRIBE grains
@@ -173,7 +173,7 @@ module talus_port_names
   character(len=*), parameter :: field_weight_phi = 'weight_phi'  !! SET springs
   character(len=*), parameter :: field_what = 'what'  !! DESCRIBE, SET
   character(len=*), parameter :: field_work = 'work'
-  character(len=*), parameter :: field_x = 'x'  !! SELECT and 4 more
+  character(len=*), parameter :: field_x = 'x'  !! SELECT and 5 more
   character(len=*), parameter :: field_young = 'young'  !! SET moduli
 
   ! Fields of a set, to follow its name: '<set>.<name>'.
@@ -209,6 +209,7 @@ module talus_port_names
   character(len=*), parameter :: what_grains = 'grains'  !! DESCRIBE
   character(len=*), parameter :: what_contacts = 'contacts'  !! DESCRIBE
   character(len=*), parameter :: what_border = 'border'  !! DESCRIBE
+  character(len=*), parameter :: what_asleep = 'asleep'  !! DESCRIBE
   character(len=*), parameter :: what_mesh = 'mesh'  !! DESCRIBE
   character(len=*), parameter :: what_facets = 'facets'  !! DESCRIBE
   character(len=*), parameter :: what_quadrature = 'quadrature'  !! DESCRIBE

@@ -146,6 +146,7 @@ enum talus_scalar {
 #define TALUS_WHAT_GRAINS "grains"
 #define TALUS_WHAT_CONTACTS "contacts"
 #define TALUS_WHAT_BORDER "border"
+#define TALUS_WHAT_ASLEEP "asleep"
 #define TALUS_WHAT_MESH "mesh"
 #define TALUS_WHAT_FACETS "facets"
 #define TALUS_WHAT_QUADRATURE "quadrature"

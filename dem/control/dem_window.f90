@@ -11,9 +11,9 @@ module dem_window
   use talus_history, only: history_type
   use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
+  use dem_bed, only: order_rows
   use dem_clock, only: interval_ends
   use dem_entry, only: make_entering, check_ids
-  use dem_make, only: sorted_order
   use dem_packed_contacts, only: row_of
   use dem_packing, only: dem_packing_type, read_packing
   use dem_start_springs, only: start_springs_type
@@ -114,22 +114,6 @@ contains
                       did_you_mean(name, system%surfaces%name, 'surfaces of this deck:'))
     end if
   end subroutine find_body
-
-  !> Grains of a packing in the order of their ids.
-  pure subroutine order_rows(tile)
-    type(dem_packing_type), intent(inout) :: tile
-    integer(i4) :: order(tile%n)
-    order = sorted_order(tile%id)
-    tile%id = tile%id(order)
-    tile%kind = tile%kind(order)
-    tile%x = tile%x(:, order)
-    tile%quat = tile%quat(:, order)
-    tile%axes = tile%axes(:, order)
-    tile%skew = tile%skew(:, order)
-    tile%exponent = tile%exponent(order)
-    tile%v = tile%v(:, order)
-    tile%omega = tile%omega(:, order)
-  end subroutine order_rows
 
   !> Direction and length of a copy: an edge of the cell, at right angles to the others (I251,
   !! I252); the held layers fit into a tile (D299).

@@ -15,6 +15,7 @@ module dem_port_population
   use dem_entry, only: size_batch, make_entering, check_ids
   use dem_model, only: dem_model_type
   use dem_packing, only: dem_packing_type
+  use dem_records, only: index_of
   use dem_rest, only: rest_type
   use dem_start_springs, only: start_springs_type
   use dem_state, only: dem_grains_type, kind_free, kind_ghost
@@ -35,12 +36,14 @@ contains
     integer(i4) :: material
 
     call check_open(model, request, errors)
-    call take_batch(request, batch, errors)
-    call take_springs(request, springs, errors)
+    call take_batch(model, request, batch, errors)
+    if (.not. errors%any()) call take_springs(request, springs, errors)
     call take_material(model, request, material, errors)
     call request%all_read(errors)
     if (errors%any()) return
     call check_new(model, request, batch, errors)
+    if (.not. request%has(field_axes) .and. .not. errors%any()) &
+      call model%bed%springs_of(model%system%dem_data_type, batch%id, springs)
     if (.not. errors%any()) call check_ids('the partner', batch, request%place(), errors)
     if (.not. errors%any()) call make_entering(batch, material, model%system, entering, errors)
     if (errors%any()) return
@@ -151,7 +154,8 @@ contains
   end subroutine check_open
 
   !> What enters; what is left out has its default.
-  subroutine take_batch(request, batch, errors)
+  subroutine take_batch(model, request, batch, errors)
+    type(dem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: request
     type(dem_packing_type), intent(inout) :: batch
     type(error_list_type), intent(inout) :: errors
@@ -173,8 +177,13 @@ contains
       if (errors%any()) return
       batch%kind = kind
     end if
-    call request%get(field_x, batch%x, errors)
-    call request%get(field_axes, batch%axes, errors)
+    if (model%bed%active .and. .not. request%has(field_axes)) then
+      call model%bed%fill(batch, request%has(field_x), request%has(field_quat))
+    else
+      call request%get(field_axes, batch%axes, errors)
+    end if
+    if (request%has(field_x) .or. .not. model%bed%active) &
+      call request%get(field_x, batch%x, errors)
     if (request%has(field_quat)) call request%get(field_quat, batch%quat, errors)
     if (request%has(field_skew)) call request%get(field_skew, batch%skew, errors)
     if (request%has(field_exponent)) call request%get(field_exponent, batch%exponent, errors)
@@ -229,7 +238,7 @@ contains
                     did_you_mean(name, model%choices%material, 'materials of their deck:'))
   end subroutine take_material
 
-  !> Ids that no grain has, rising, places and sizes that are numbers (P266).
+  !> Ids that no grain has, rising, and of a bed within it (P266).
   subroutine check_new(model, request, batch, errors)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(in) :: request
@@ -238,14 +247,17 @@ contains
     integer(i4) :: i, k
     k = 0
     do i = 1, batch%n
-      if (any(model%system%grains%id == batch%id(i)) .or. batch%id(i) < 1) k = i
+      if (index_of(model%system%dem_data_type, real(batch%id(i), wp)) > 0) k = i
+      if (batch%id(i) < 1) k = i
+      if (model%bed%active .and. batch%id(i) > model%bed%tile%n*product(model%bed%copies)) k = i
       if (i > 1) then
         if (batch%id(i) <= batch%id(i - 1)) k = i
       end if
     end do
     if (k == 0) return
-    call errors%add('P266', 'grain '//str(batch%id(k))//' is there already, or ids do not rise '// &
-                    'from 1', request%place(), 'send new grains in the order of their ids')
+    call errors%add('P266', 'grain '//str(batch%id(k))//' is there already, is not of the '// &
+                    'bed, or ids do not rise from 1', request%place(), 'send new grains in the '// &
+                    'order of their ids')
   end subroutine check_new
 
   !> Marks of the grains whose ids the request names.

@@ -10,7 +10,7 @@ module dem_port_state
     field_ids, field_inertia, field_kind, field_mass, field_motion, field_names, field_normal, &
     field_point, field_program, field_quat, field_radius, field_ranks, field_scalars, &
     field_step_limit, field_stiffness, field_t_end, field_time, field_version, field_x, &
-    what_border, what_contacts, what_grains, what_group, what_groups
+    what_asleep, what_border, what_contacts, what_grains, what_group, what_groups
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, scalar_plastic, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
@@ -72,6 +72,8 @@ contains
       call put_grains(model%system, reply)
     case (what_contacts)
       call put_contacts(model%system, reply)
+    case (what_asleep)
+      call put_asleep(model, reply, errors)
     case (what_border)
       call find_border(model%system%dem_data_type, near)
       call reply%put_int(field_id, model%system%grains%id(near))
@@ -92,9 +94,26 @@ contains
       end if
     case default
       call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
-                      'valid are grains, contacts, border, groups and group')
+                      'valid are grains, contacts, asleep, border, groups and group')
     end select
   end subroutine reply_describe
+
+  !> What a partner could wake (P255 without a tile).
+  subroutine put_asleep(model, reply, errors)
+    type(dem_model_type), intent(in) :: model
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    real(wp), allocatable :: x(:, :)
+    if (.not. model%bed%active) then
+      call errors%add('P255', 'the grains have no tile: none are asleep', &
+                      'exchange port, DESCRIBE', 'add &tile to '//model%deck%source%path)
+      return
+    end if
+    call model%bed%list_asleep(model%system%dem_data_type, ids, x)
+    call reply%put_int(field_id, ids)
+    call reply%put(field_x, x)
+  end subroutine put_asleep
 
   subroutine put_grains(system, reply)
     type(dem_system_type), intent(in) :: system

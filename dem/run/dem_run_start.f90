@@ -94,6 +94,7 @@ contains
     call self%probe%read(self%deck, self%system%dem_data_type, errors)
     call self%openings%read(self%deck, self%choices%of_entering, self%served, self%system, &
                             errors)
+    call self%bed%read(self%deck, self%served, errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 34)
+    call table%init('talus-dem', 35)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -45,6 +45,7 @@ contains
     call group_source(table)
     call group_sink(table)
     call group_window(table)
+    call group_tile(table)
     call group_grid(table)
     call group_search(table)
   end subroutine dem_deck_table
@@ -1492,6 +1493,25 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_window
+
+  subroutine group_tile(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('tile', 2, &
+      'A bed of copies of one periodic pack, the tile, laid side by side, most of whose' &
+      //' grains sleep until a partner at the port wakes them; the grains of the packing ' &
+      //'are those that are awake at the start, made by `talus pack edit --repeat` from ' &
+      //'the tile, so that the ids of copy (i, j, k) are row + N (i + n_x (j + n_y k)). ' &
+      //'Grains that wake have the places, shapes and tangential forces of the tile. For ' &
+      //'runs of talus-couple (D300).')
+    call table%add_key('file', 'file', '', &
+      'Packing with a cell and contacts, at rest (I254): what a run with `&cell` leaves' &
+      //' at its end, or `talus pack tile`.')
+    call table%need()
+    call table%add_key('copies', 'integer', '', 'Copies along the edges of its cell.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(min=1.0_wp)
+  end subroutine group_tile
 
   subroutine group_grid(table)
     type(key_table_type), intent(inout) :: table

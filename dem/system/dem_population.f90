@@ -106,7 +106,7 @@ contains
     call find_forces(d)
   end subroutine change_memory
 
-  !> Kinds from now on; what is held stands still.
+  !> Kinds from now on; what becomes held stands still.
   subroutine change_kinds(d, kind)
     type(dem_data_type), intent(inout) :: d
     integer(i4), intent(in) :: kind(:)  !! (grains)
@@ -114,8 +114,10 @@ contains
     do i = 1, d%grains%n
       if (kind(i) == d%grains%kind(i)) cycle
       d%grains%kind(i) = kind(i)
-      d%grains%v(:, i) = 0.0_wp
-      d%grains%omega(:, i) = 0.0_wp
+      if (is_prescribed(kind(i))) then
+        d%grains%v(:, i) = 0.0_wp
+        d%grains%omega(:, i) = 0.0_wp
+      end if
       call put_body(d%grains, i, d%pairs%body(:, i))
     end do
     if (any(is_prescribed(kind))) call prescribe_some(d%grains)

@@ -89,9 +89,9 @@ SCOPES = (
 )
 
 WHATS = (
-    "grains", "contacts", "border", "mesh", "facets", "quadrature", "moduli", "groups", "group",
-    "contact_weight", "kind", "mass_factor", "quad_weight", "initial_stress", "springs",
-    "dead_load",
+    "grains", "contacts", "border", "asleep", "mesh", "facets", "quadrature", "moduli",
+    "groups", "group", "contact_weight", "kind", "mass_factor", "quad_weight", "initial_stress",
+    "springs", "dead_load",
 )
 
 
@@ -269,9 +269,9 @@ REQUESTS = {
         ("id", "integer", "(given)", "both", True),
         ("kind", "integer", "(given)", "both", False),
         ("material", "text", "text", "both", False),
-        ("x", "real", "(3, given)", "both", True),
+        ("x", "real", "(3, given)", "both", False),
         ("quat", "real", "(4, given)", "both", False),
-        ("axes", "real", "(3, given)", "both", True),
+        ("axes", "real", "(3, given)", "both", False),
         ("skew", "real", "(3, given)", "both", False),
         ("exponent", "real", "(given)", "both", False),
         ("v", "real", "(3, given)", "both", False),
@@ -422,6 +422,10 @@ REPLIES = {
     ),
     "DESCRIBE border": (
         ("id", "integer", "(members)", "both", True),
+    ),
+    "DESCRIBE asleep": (
+        ("id", "integer", "(members)", "both", True),
+        ("x", "real", "(3, members)", "both", True),
     ),
     "DESCRIBE mesh": (
         ("id", "integer", "(nodes)", "both", True),

@@ -1,0 +1,243 @@
+!> A bed of copies of one periodic packing, the tile, most of whose grains sleep: they exist, but no
+!! one looks at them (theory-dem, Conversion). Faults I254, I460, D300.
+!!
+!! Copy (i, j, k) of the tile of N grains is number c = i + n_x (j + n_y k) of n_x n_y n_z; row r
+!! of it, from 1 in the order of the tile's ids, has the id r + N c and is at x_r + (i, j, k) edges.
+!! eq. D.24
+module dem_bed
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use dem_make, only: sorted_order
+  use dem_packed_contacts, only: row_of
+  use dem_packing, only: dem_packing_type, read_packing
+  use dem_records, only: index_of
+  use dem_start_springs, only: start_springs_type
+  use dem_state, only: dem_data_type, kind_free
+  implicit none
+  private
+  public :: dem_bed_type, order_rows
+
+  type :: dem_bed_type
+    logical :: active = .false.
+    type(dem_packing_type) :: tile     !! rows in the order of their ids
+    integer(i4) :: copies(3) = 1
+    integer(i4), allocatable :: row(:, :)  !! (2, contacts) of the tile
+  contains
+    procedure :: read => read_bed
+    procedure :: list_asleep
+    procedure :: fill => fill_batch
+    procedure :: springs_of
+    procedure, private :: place_of
+    procedure, private :: copy_of
+    procedure, private :: id_of
+  end type dem_bed_type
+
+contains
+
+  !> The group &tile, if there is one.
+  subroutine read_bed(self, deck, served, errors)
+    class(dem_bed_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    logical, intent(in) :: served  !! a partner drives the run
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: copies(:)
+    integer(i4) :: before, c
+
+    self%active = deck%count('tile') > 0
+    if (.not. self%active) return
+    before = errors%count
+    if (.not. served) call deck%fault(errors, 'D300', 'no one wakes the grains of the tile', &
+      'tile', 1, '', 'this group is for runs of talus-couple; alone use &window')
+    call deck%get('tile', 1, 'copies', copies)
+    self%copies = copies
+    call read_packing(self%tile, deck%path('tile', 1, 'file'), errors)
+    if (errors%count > before) return
+    if (.not. self%tile%has_cell .or. self%tile%springs%given == 0) then
+      call errors%add('I254', 'the tile has no cell or no contacts', deck%path('tile', 1, 'file'), &
+                      'take the packing that a run with &cell leaves at its end, at rest')
+      return
+    end if
+    if (product(real(self%copies, wp))*self%tile%n >= real(huge(1_i4), wp)) &
+      call errors%add('I460', 'copies of the tile have more than '//str(huge(1_i4))//' grains', &
+                      deck%path('tile', 1, 'file'), 'ids are whole numbers below that: a '// &
+                      'smaller bed')
+    call order_rows(self%tile)
+    self%tile%kind = kind_free
+    allocate (self%row(2, self%tile%springs%given))
+    do c = 1, self%tile%springs%given
+      self%row(:, c) = [row_of(self%tile%id, self%tile%springs%ids(1, c)), &
+                        row_of(self%tile%id, self%tile%springs%ids(2, c))]
+    end do
+  end subroutine read_bed
+
+  !> Grains of a packing in the order of their ids.
+  pure subroutine order_rows(tile)
+    type(dem_packing_type), intent(inout) :: tile
+    integer(i4) :: order(tile%n)
+    order = sorted_order(tile%id)
+    tile%id = tile%id(order)
+    tile%kind = tile%kind(order)
+    tile%x = tile%x(:, order)
+    tile%quat = tile%quat(:, order)
+    tile%axes = tile%axes(:, order)
+    tile%skew = tile%skew(:, order)
+    tile%exponent = tile%exponent(order)
+    tile%v = tile%v(:, order)
+    tile%omega = tile%omega(:, order)
+  end subroutine order_rows
+
+  !> Ids and places of all that sleep.
+  subroutine list_asleep(self, d, ids, x)
+    class(dem_bed_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i8), allocatable, intent(out) :: ids(:)
+    real(wp), allocatable, intent(out) :: x(:, :)  !! (3, n) [m]
+    logical, allocatable :: awake(:)
+    integer(i4) :: i, k, n
+
+    n = self%tile%n*product(self%copies)
+    allocate (awake(n), source=.false.)
+    do i = 1, d%grains%n
+      if (d%grains%id(i) <= n) awake(d%grains%id(i)) = .true.
+    end do
+    ids = pack([(int(i, i8), i=1, n)], .not. awake)
+    allocate (x(3, size(ids)))
+    do k = 1, size(ids)
+      x(:, k) = self%place_of(ids(k))
+    end do
+  end subroutine list_asleep
+
+  !> What the tile knows of a batch's grains by their ids; places only where none are given.
+  subroutine fill_batch(self, batch, placed, turned)
+    class(dem_bed_type), intent(in) :: self
+    type(dem_packing_type), intent(inout) :: batch
+    logical, intent(in) :: placed, turned  !! with places, with orientations of their own
+    integer(i4) :: i, r
+    do i = 1, batch%n
+      r = 1 + int(mod(batch%id(i) - 1, int(self%tile%n, i8)), i4)
+      if (.not. placed) batch%x(:, i) = self%place_of(batch%id(i))
+      if (.not. turned) batch%quat(:, i) = self%tile%quat(:, r)
+      batch%axes(:, i) = self%tile%axes(:, r)
+      batch%skew(:, i) = self%tile%skew(:, r)
+      batch%exponent(i) = self%tile%exponent(r)
+    end do
+  end subroutine fill_batch
+
+  !> Where a grain sleeps [m].
+  pure function place_of(self, id) result(x)
+    class(dem_bed_type), intent(in) :: self
+    integer(i8), intent(in) :: id
+    real(wp) :: x(3)
+    integer(i4) :: r
+    r = 1 + int(mod(id - 1, int(self%tile%n, i8)), i4)
+    x = self%tile%x(:, r) + matmul(self%tile%cell, real(self%copy_of(id), wp))
+  end function place_of
+
+  !> Copy in which a grain is, from 0.
+  pure function copy_of(self, id) result(copy)
+    class(dem_bed_type), intent(in) :: self
+    integer(i8), intent(in) :: id
+    integer(i4) :: copy(3), c
+    c = int((id - 1)/self%tile%n, i4)
+    copy(1) = mod(c, self%copies(1))
+    copy(2) = mod(c/self%copies(1), self%copies(2))
+    copy(3) = c/(self%copies(1)*self%copies(2))
+  end function copy_of
+
+  !> Id of a row in a copy, 0 outside of the bed.
+  pure integer(i8) function id_of(self, row, copy) result(id)
+    class(dem_bed_type), intent(in) :: self
+    integer(i4), intent(in) :: row, copy(3)
+    id = 0
+    if (any(copy < 0 .or. copy >= self%copies)) return
+    id = row + int(self%tile%n, i8)*(copy(1) + self%copies(1)*(copy(2) + self%copies(2)*copy(3)))
+  end function id_of
+
+  !> Tangential forces of the tile's contacts between grains that wake (ids, rising) and those and
+  !! others that are awake.
+  subroutine springs_of(self, d, ids, springs)
+    class(dem_bed_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i8), intent(in) :: ids(:)
+    type(start_springs_type), intent(inout) :: springs
+    integer(i4), allocatable :: contact(:), start(:)
+    integer(i4) :: k, m, c, r, end_of, most, shift(3)
+    integer(i8) :: other
+
+    call contacts_of_rows(self, start, contact)
+    most = 0
+    do k = 1, size(ids)
+      r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
+      most = most + start(r + 1) - start(r)
+    end do
+    allocate (springs%ids(2, most), springs%force(3, most))
+    m = 0
+    do k = 1, size(ids)
+      r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
+      do c = start(r), start(r + 1) - 1
+        associate (at => abs(contact(c)))
+          end_of = merge(1, 2, contact(c) > 0)  ! this grain is the first, or the second
+          shift = 0
+          if (allocated(self%tile%springs%shift)) shift = self%tile%springs%shift(:, at)
+          if (end_of == 2) shift = -shift
+          other = self%id_of(self%row(3 - end_of, at), self%copy_of(ids(k)) + shift)
+          if (.not. joins(d, ids, other, ids(k))) cycle
+          m = m + 1
+          springs%ids(:, m) = [ids(k), other]
+          springs%force(:, m) = merge(1.0_wp, -1.0_wp, end_of == 1)*self%tile%springs%force(:, at)
+        end associate
+      end do
+    end do
+    springs%ids = springs%ids(:, :m)
+    springs%force = springs%force(:, :m)
+    springs%given = m
+  end subroutine springs_of
+
+  !> Is the other one awake, or wakes and has the larger id, so that the pair comes once?
+  pure logical function joins(d, ids, other, this)
+    type(dem_data_type), intent(in) :: d
+    integer(i8), intent(in) :: ids(:), other, this
+    integer(i4) :: low, high, middle
+    joins = .false.
+    if (other == 0) return
+    joins = index_of(d, real(other, wp)) > 0
+    if (joins .or. other < this) return
+    low = 1
+    high = size(ids, kind=i4)
+    do while (low < high)
+      middle = (low + high)/2
+      if (ids(middle) < other) then
+        low = middle + 1
+      else
+        high = middle
+      end if
+    end do
+    joins = ids(low) == other
+  end function joins
+
+  !> Contacts of each row, those in which it is the second with a minus.
+  subroutine contacts_of_rows(self, start, contact)
+    class(dem_bed_type), intent(in) :: self
+    integer(i4), allocatable, intent(out) :: start(:), contact(:)
+    integer(i4), allocatable :: fill(:)
+    integer(i4) :: c, r
+    allocate (start(self%tile%n + 1), source=0_i4)
+    do c = 1, size(self%row, 2)
+      start(self%row(:, c) + 1) = start(self%row(:, c) + 1) + 1
+    end do
+    start(1) = 1
+    do r = 1, self%tile%n
+      start(r + 1) = start(r + 1) + start(r)
+    end do
+    allocate (contact(start(self%tile%n + 1)))
+    fill = start
+    do c = 1, size(self%row, 2)
+      contact(fill(self%row(1, c))) = c
+      fill(self%row(1, c)) = fill(self%row(1, c)) + 1
+      contact(fill(self%row(2, c))) = -c
+      fill(self%row(2, c)) = fill(self%row(2, c)) + 1
+    end do
+  end subroutine contacts_of_rows
+end module dem_bed

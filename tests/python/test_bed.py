@@ -1,0 +1,139 @@
+"""Grains of a bed of tiles that sleep: waking them gives what the whole bed has there."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from talus.generate import cloud, uniform_sizes
+from talus.packing import Packing, read_packing, write_h5
+from talus.port import Message
+from talus.programs import find_program
+
+sys.path.insert(0, str(Path(__file__).parents[1] / "errors/base/port"))
+from port import Asker  # noqa: E402
+
+LENGTH, WIDTH, COUNT = 0.032, 0.012, 120  # of the tile [m]
+HEAD = f"""&run       title = 'Bed', t_end = T_END, gravity = 0.0, 0.0, -9.81 /
+&material  id = 'grain', density = 2500.0, young = 1.0e8, poisson = 0.25 /
+&material  id = 'smooth', density = 2500.0, young = 1.0e8, poisson = 0.25 /
+&contact   between = 'grain', 'grain', law = 'hertz_mindlin', friction = 0.5, damping_ratio = 0.3 /
+&contact   between = 'grain', 'smooth', law = 'hertz_mindlin', friction = 0.0 /
+&particles file = 'PACKING.h5', material = 'grain' /
+&wall      id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'smooth' /
+&wall      id = 'y0', point = 0.0, 0.0, 0.0, normal = 0.0, 1.0, 0.0, material = 'smooth' /
+&wall      id = 'y1', point = 0.0, {WIDTH}, 0.0, normal = 0.0, -1.0, 0.0, material = 'smooth' /
+"""
+CELL = (
+    f"&cell size = {LENGTH}, {WIDTH + 2e-3}, 0.3, origin = 0.0, -1.0e-3, -0.1, periodic = 'a' /\n"
+)
+REST = """&relaxation damping = 'adaptive', dt_factor = 0.2 /
+&equilibrium unbalanced = 1.0e-8, energy_ratio = 1.0e-14, check_every = 200 /
+"""
+
+
+def run(folder: Path, name: str, packing: str, t_end: float, *parts: str) -> None:
+    """Run a deck of these groups."""
+    text = HEAD.replace("T_END", str(t_end)).replace("PACKING", packing) + "".join(parts)
+    (folder / f"{name}.nml").write_text(text)
+    command = [str(find_program("talus-dem")), f"{name}.nml", "--threads=1"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def tile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Packing]:
+    """Return a folder with a tile at rest, and the tile."""
+    folder = tmp_path_factory.mktemp("bed")
+    sizes = uniform_sizes(COUNT, 0.1, np.random.default_rng(1))
+    box = np.array([LENGTH, WIDTH, 0.06])
+    write_h5(folder / "cloud.h5", cloud(sizes, box, np.full(3, 2.0e-3), seed=1))
+    soft = "&dynamics dt_factor = 0.3, damping = 2.0 /\n"
+    soft += "&output every_time = 9.0, packing = 'soft.h5' /\n"
+    run(folder, "settle", "cloud", 0.4, CELL, soft)
+    end = "&output every_time = 9.0, packing = 'tile.h5' /\n"
+    run(folder, "rest", "soft", 3.0, CELL, REST, end)
+    return folder, read_packing(folder / "tile.h5")
+
+
+class Bed(Asker):
+    """talus-dem with a bed of five tiles, of which some are awake."""
+
+    def __init__(self, folder: Path, packing: Packing) -> None:
+        """Start it and greet."""
+        os.chdir(folder)
+        write_h5(folder / "awake.h5", packing)
+        text = HEAD.replace("T_END", "1.0").replace("PACKING", "awake")
+        text += "&tile file = 'tile.h5', copies = 5, 1, 1 /\n&dynamics dt = 2.0e-6 /\n"
+        (folder / "deck.nml").write_text(text)
+        super().__init__("meeting/side")
+        command = [str(find_program("talus-dem")), "deck.nml", "--port=hdf5:meeting/side"]
+        self.process = subprocess.Popen([*command, "--threads=1"], stdout=subprocess.DEVNULL)
+        self.hello()
+        self.ask("READY")
+
+    def ask(self, verb: str, t0: float = 0.0, t1: float = 0.0, **fields: object) -> Message:
+        """Send a request; the reply is no fault."""
+        reply = super().ask(verb, t0, t1, **fields)
+        assert reply.status == 0, reply.fields
+        return reply
+
+    def contacts(self) -> dict[tuple[int, int], np.ndarray]:
+        """Return the force of each contact of two grains by its ids."""
+        reply = self.ask("DESCRIBE", what="contacts").fields
+        forces = zip(reply["ids"].tolist(), reply["force"], strict=True)
+        return {tuple(ids): force for ids, force in forces if min(ids) > 0}
+
+
+@pytest.fixture
+def begin(tile: tuple[Path, Packing]) -> "object":
+    """Give a way to start talus-dem; what still runs is killed."""
+    here, started = Path.cwd(), []
+
+    def start(packing: Packing) -> Bed:
+        started.append(Bed(tile[0], packing))
+        return started[-1]
+
+    yield start
+    os.chdir(here)
+    for bed in started:
+        bed.process.kill()
+        bed.process.wait()
+
+
+def test_sleeping_grains_stand_where_the_whole_bed_has_them(
+    tile: tuple[Path, Packing], begin: object
+) -> None:
+    """Ids and places of what sleeps are those of `talus pack edit --repeat`."""
+    whole = tile[1].repeated((5, 1, 1))
+    bed = begin(tile[1].repeated((3, 1, 1)))
+    asleep = bed.ask("DESCRIBE", what="asleep").fields
+    assert np.array_equal(asleep["id"], whole.id[3 * COUNT :])
+    assert np.abs(asleep["x"] - whole.x[3 * COUNT :]).max() < 1e-12
+    bed.ask("STOP")
+    assert bed.process.wait(60) == 0
+
+
+def test_what_wakes_has_the_contacts_of_the_whole_bed(
+    tile: tuple[Path, Packing], begin: object
+) -> None:
+    """Woken one after the other in two parts grains have the forces of the bed of five tiles."""
+    whole = begin(tile[1].repeated((5, 1, 1)))
+    forces = whole.contacts()
+    whole.ask("STOP")
+    assert whole.process.wait(60) == 0
+    bed = begin(tile[1].repeated((3, 1, 1)))
+    ids = bed.ask("DESCRIBE", what="asleep").fields["id"]
+    part = ids[np.random.default_rng(3).uniform(size=len(ids)) < 0.5]
+    bed.ask("WAKE", id=part)
+    bed.ask("WAKE", id=np.setdiff1d(ids, part))
+    found = bed.contacts()
+    assert set(found) == set(forces)
+    most = max(np.abs(force).max() for force in forces.values())
+    assert max(np.abs(found[key] - forces[key]).max() for key in forces) < 1e-6 * most
+    bed.ask("READY")
+    bed.ask("STOP")
+    assert bed.process.wait(60) == 0
