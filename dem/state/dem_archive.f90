@@ -102,10 +102,12 @@ contains
 
     k = find(self, name)
     if (k > 0) then
-      if (self%item(k)%is_real .and. size(self%item(k)%reals, 1) == components .and. &
-          (n < 0 .or. size(self%item(k)%reals, 2) == n)) then
-        allocate (values, source=self%item(k)%reals)
-        return
+      if (self%item(k)%is_real .and. allocated(self%item(k)%reals)) then
+        if (size(self%item(k)%reals, 1) == components .and. &
+            (n < 0 .or. size(self%item(k)%reals, 2) == n)) then
+          allocate (values, source=self%item(k)%reals)
+          return
+        end if
       end if
     end if
     allocate (values(components, max(n, 0)), source=0.0_wp)

@@ -89,7 +89,7 @@ contains
         call few%add('I213', 'grain id '//str(id(k))//' is not from 1 to '//str(huge(1_i4)), &
                      'decks and ports name grains by ids', errors)
       end if
-      if (.not. abs(sum(quat(:, k)**2) - 1.0_wp) < 1.0e-3_wp) then
+      if (.not. is_unit(quat(:, k))) then
         call few%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
                      'order w, x, y, z, length 1', errors)
       end if
@@ -100,6 +100,13 @@ contains
     end do
     call few%finish('grains', errors)
   end subroutine check_grains
+
+  !> A quaternion of length 1, to 5e-4; far from it nothing is squared.
+  pure logical function is_unit(quat)
+    real(wp), intent(in) :: quat(4)
+    is_unit = all(abs(quat) < 2.0_wp)
+    if (is_unit) is_unit = abs(sum(quat**2) - 1.0_wp) < 1.0e-3_wp
+  end function is_unit
 
   !> Arrays for g%n grains.
   subroutine allocate_grains(g, prescribed)
