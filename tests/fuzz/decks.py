@@ -126,12 +126,17 @@ def group(known: definitions.Group, dice: random.Random) -> str:
     return f"&{known.name} " + ", ".join(f"{k.name} = {value(k, dice)}" for k in chosen) + " /\n"
 
 
+def pick(pattern: re.Pattern, text: str, dice: random.Random) -> re.Match | None:
+    """Return one of the places that a pattern has in a text, if there is any left."""
+    found = list(pattern.finditer(text))
+    return dice.choice(found) if found else None
+
+
 def change_number(text: str, program: definitions.Program, dice: random.Random) -> str:
     """Put another number in place of one: an extreme one, or one some decades away."""
-    found = list(NUMBER.finditer(text))
-    if not found:
+    one = pick(NUMBER, text, dice)
+    if not one:
         return text
-    one = dice.choice(found)
     new = dice.choice(EXTREMES)
     if dice.random() < 0.5:
         new = repr(float(one.group(0)) * 10.0 ** dice.choice([-9, -3, -2, -1, 1, 2, 3, 9]))
@@ -140,7 +145,9 @@ def change_number(text: str, program: definitions.Program, dice: random.Random) 
 
 def change_string(text: str, program: definitions.Program, dice: random.Random) -> str:
     """Put another string in place of one: a choice of any key, a name, or one with a slip."""
-    one = dice.choice(list(STRING.finditer(text)))
+    one = pick(STRING, text, dice)
+    if not one:
+        return text
     choices = [c for g in program.groups for k in g.keys for c in k.choices]
     old = one.group(0)[1:-1]
     slip = old[:-1] + dice.choice("aeiou_")
@@ -150,7 +157,9 @@ def change_string(text: str, program: definitions.Program, dice: random.Random) 
 
 def insert_key(text: str, program: definitions.Program, dice: random.Random) -> str:
     """Give a group of the deck one more key."""
-    one = dice.choice(list(GROUP.finditer(text)))
+    one = pick(GROUP, text, dice)
+    if not one:
+        return text
     known = next((g for g in program.groups if g.name == one.group(1)), None)
     if not known:
         return text
@@ -168,7 +177,9 @@ def insert_group(text: str, program: definitions.Program, dice: random.Random) -
 
 def remove(text: str, program: definitions.Program, dice: random.Random) -> str:
     """Take out a key or a group, or say it twice."""
-    one = dice.choice(list(dice.choice([GROUP, ENTRY]).finditer(text)))
+    one = pick(dice.choice([GROUP, ENTRY]), text, dice)
+    if not one:
+        return text
     if dice.random() < 0.3:
         return text[: one.end()] + one.group(0) + text[one.end() :]
     return text[: one.start()] + text[one.end() :]

@@ -24,7 +24,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent.parent
 CODE = re.compile(r"\berror ([A-Z]\d{3})")
 CRASH = re.compile(
-    r"SIG[A-Z]{3,4}\b.*|Backtrace.*|Fortran runtime error.*|.*Sanitizer.*|ERROR STOP.*|"
+    r"SIG[A-Z]{3,4}\b.*|Backtrace.*|Fortran runtime error.*|(?:ERROR|SUMMARY): \w*Sanitizer.*|ERROR STOP.*|"
     r"bug: .*|Traceback \(most.*|free\(\): .*|malloc\(\): .*|.*corrupted.*|runtime error: .*"
 )
 MEMORY = 8 << 30  # [bytes] that a program may have
