@@ -11,7 +11,7 @@ module talus_serve
   use talus_hash, only: hash_file
   use talus_message, only: message_type, protocol_version, verb_name, verb_hello, verb_describe, &
     verb_select, verb_set, verb_ready, verb_force, verb_accept, verb_reject, verb_checkpoint, &
-    verb_write, verb_stop, verb_abort
+    verb_write, verb_stop, verb_abort, verb_relax, verb_sleep, verb_wake
   use talus_options, only: options_type
   use talus_port, only: port_type
   use talus_port_names, only: field_brief, field_early, field_final, field_group, field_hash, &
@@ -232,7 +232,7 @@ contains
     end select
   end subroutine handle
 
-  !> HELLO precedes all, READY all that moves or judges (P021).
+  !> HELLO precedes all, READY all that takes time or judges (P021).
   subroutine check_order(server, request, errors)
     class(server_type), intent(in) :: server
     type(message_type), intent(in) :: request
@@ -244,7 +244,8 @@ contains
       return
     end if
     select case (request%verb)
-    case (verb_describe, verb_select, verb_set, verb_ready, verb_checkpoint, verb_write)
+    case (verb_describe, verb_select, verb_set, verb_ready, verb_checkpoint, verb_write, &
+          verb_wake, verb_sleep, verb_relax)
       return
     end select
     if (.not. server%begun) &

@@ -9,9 +9,10 @@ module cpl_sets
   use cpl_hull, only: hull_type
   implicit none
   private
-  public :: sets_type, pack_type, numbering, part_rest, part_ghost, part_free
+  public :: sets_type, pack_type, numbering, part_rest, part_ghost, part_free, part_none
 
-  integer(i4), parameter :: part_rest = 0   !! of the elements: continuum alone
+  integer(i4), parameter :: part_none = -1  !! of the elements: grains alone, no continuum
+  integer(i4), parameter :: part_rest = 0   !! continuum alone
   integer(i4), parameter :: part_ghost = 1  !! ghosts are in them
   integer(i4), parameter :: part_free = 2   !! free grains are in them
   integer(i4), parameter :: named = 5       !! ids that a message names
@@ -39,6 +40,7 @@ module cpl_sets
     type(spot_type), allocatable :: free_spot(:), ghost_spot(:)
     integer(i4), allocatable :: prescribed(:)         !! nodes that the free grains move
     integer(i4), allocatable :: edge(:)        !! free nodes of elements with ghosts
+    integer(i4), allocatable :: off(:)         !! nodes of no continuum
     logical, allocatable :: fast(:)            !! (elements) has a prescribed node and own energy
     type(hull_type) :: hull                    !! of the elements of the free grains
     real(wp) :: d_max = 0.0_wp                 !! largest diameter of all coupled grains [m]
@@ -76,12 +78,13 @@ contains
     type(sets_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
     type(error_list_type), intent(inout) :: errors
-    logical :: prescribed(cells%nodes), edge(cells%nodes)
+    logical :: prescribed(cells%nodes), edge(cells%nodes), used(cells%nodes)
     integer(i4), allocatable :: bad(:)
     integer(i4) :: e, k
 
     prescribed = .false.
     edge = .false.
+    used = .false.
     allocate (bad(0))
     do e = 1, cells%elements
       if (self%part(e) == part_free) prescribed(cells%nodes_of(e)) = .true.
@@ -89,13 +92,16 @@ contains
     allocate (self%fast(cells%elements))
     do e = 1, cells%elements
       associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
-        self%fast(e) = self%part(e) /= part_free .and. any(prescribed(node))
+        if (self%part(e) /= part_none) used(node) = .true.
+        self%fast(e) = self%part(e) /= part_free .and. self%part(e) /= part_none .and. &
+                       any(prescribed(node))
         if (self%part(e) == part_ghost .and. all(prescribed(node))) bad = [bad, e]
         if (self%part(e) == part_ghost .or. self%fast(e)) edge(node) = .true.
       end associate
     end do
     self%prescribed = pack([(k, k=1, cells%nodes)], prescribed)
     self%edge = pack([(k, k=1, cells%nodes)], edge .and. .not. prescribed)
+    self%off = pack([(k, k=1, cells%nodes)], .not. used)
     if (size(bad) > 0) call errors%add('I423', str(size(bad))//' elements of the ghosts have '// &
       'no free node, such as '//list(int(bad, i8)), '', 'all their nodes belong to elements of '// &
       'free grains: give these elements to free_elements, or let the layers of both be blocks')
@@ -115,6 +121,9 @@ contains
     n = 0
     do g = 1, size(pack_of%id)
       call cells%find(pack_of%x(:, g), self%part, spot(g))
+      if (spot(g)%element > 0) then
+        if (self%part(spot(g)%element) == part_none) spot(g) = spot_type()
+      end if
       if (spot(g)%element == 0) then
         if (pack_of%kind(g) == 0) call put(g, n(1), outside)
       else if (self%part(spot(g)%element) == part_free) then

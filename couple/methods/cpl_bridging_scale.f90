@@ -16,7 +16,8 @@ module cpl_bridging_scale
   contains
     procedure :: begin
     procedure :: exchange
-    procedure :: after
+    procedure :: after => follow_exchange
+    procedure :: follow_exchange  !! for methods that do more after an exchange
   end type bridging_scale_type
 
 contains
@@ -40,7 +41,7 @@ contains
 
   !> The row of the audit, and new maps where grains have moved past the nodes: they may have
   !! another limit of their kicks.
-  subroutine after(self, run, t1, errors)
+  subroutine follow_exchange(self, run, t1, errors)
     class(bridging_scale_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: t1
@@ -53,5 +54,5 @@ contains
     if (errors%any() .or. self%o%map%remaps == remaps) return
     call self%kick_watch%renew(self%o, run%choices%exchange, run%timers, said)
     if (len(said) > 0) call run%log%line(said)
-  end subroutine after
+  end subroutine follow_exchange
 end module cpl_bridging_scale

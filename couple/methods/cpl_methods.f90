@@ -1,6 +1,7 @@
 !> The coupling methods by name: one line each.
 module cpl_methods
   use cpl_bridging_domain, only: bridging_domain_type
+  use cpl_adaptive_scale, only: adaptive_scale_type
   use cpl_bridging_scale, only: bridging_scale_type
   use cpl_facet_method, only: facet_method_type
   use cpl_method, only: cpl_method_type
@@ -18,6 +19,7 @@ contains
     class(cpl_method_type), allocatable, intent(out) :: method
     select case (name)
     case ('facets'); allocate (facet_method_type :: method)
+    case ('adaptive_scale'); allocate (adaptive_scale_type :: method)
     case ('bridging_scale'); allocate (bridging_scale_type :: method)
     case ('static_overlap'); allocate (static_overlap_type :: method)
     case ('bridging_domain'); allocate (bridging_domain_type :: method)

@@ -34,7 +34,7 @@ module cpl_overlap_method
   contains
     procedure :: make => make_whole
     procedure :: restore
-    procedure :: start
+    procedure :: start => start_audit
     procedure :: after => put_row
     procedure :: save
     procedure :: titles
@@ -42,6 +42,7 @@ module cpl_overlap_method
     procedure :: health => log_health
     procedure :: summary => put_summary
     procedure :: judge
+    procedure :: start_audit   !! for methods that do more at the start
     procedure :: put_row       !! for methods that do more after an exchange
     procedure :: log_health
     procedure :: put_summary
@@ -94,7 +95,7 @@ contains
   end subroutine restore
 
   !> Census, sets for plots, audit.
-  subroutine start(self, run, errors)
+  subroutine start_audit(self, run, errors)
     class(overlap_method_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
     type(error_list_type), intent(inout) :: errors
@@ -106,7 +107,7 @@ contains
     call overlap_columns(columns)
     call self%own_columns(columns)
     call self%audit%begin(run%stem//'_audit.csv', columns, run%again, run%begins, errors)
-  end subroutine start
+  end subroutine start_audit
 
   !> Write the row before, take that of this exchange.
   subroutine put_row(self, run, t1, errors)

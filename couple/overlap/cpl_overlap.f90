@@ -19,7 +19,7 @@ module cpl_overlap
   implicit none
   private
   public :: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
-    prescribed_phi_set, edge_phi_set
+    prescribed_phi_set, edge_phi_set, off_set
 
   real(wp), parameter :: least_factor = 0.1_wp          !! of Aitken
   character(len=*), parameter :: ghost_set = 'ghosts'   !! of the grains
@@ -27,6 +27,7 @@ module cpl_overlap
   character(len=*), parameter :: pulled_set = 'pulled'  !! the same, which forces are put on
   character(len=*), parameter :: prescribed_set = 'hats'       !! of the solid
   character(len=*), parameter :: edge_set = 'edge'
+  character(len=*), parameter :: off_set = 'off'        !! nodes of no continuum
   character(len=*), parameter :: prescribed_phi_set = 'hat_rotations'
   character(len=*), parameter :: edge_phi_set = 'edge_rotations'
 
@@ -71,6 +72,8 @@ module cpl_overlap
     procedure :: fine_scale
     procedure :: finite
     procedure :: relax_as_static
+    procedure :: hold_loads
+    procedure :: go_on_from
   end type overlap_type
 
 contains
@@ -466,6 +469,27 @@ contains
     self%relax%least = least_factor
     self%relax%arm = self%sets%d_max
   end subroutine relax_as_static
+
+  !> Exchanges, works and loads beyond the edge of an overlap whose sets are made anew.
+  subroutine go_on_from(self, other)
+    class(overlap_type), intent(inout) :: self
+    type(overlap_type), intent(in) :: other
+    self%step = other%step
+    self%ledger = other%ledger
+    call self%ledger%lose(other%own%damping%lost + other%own%damping_phi%lost, 0.0_wp)
+    if (allocated(other%start%hold)) self%start%hold = other%start%hold
+  end subroutine go_on_from
+
+  !> Loads on the nodes from here on, those of prescribed nodes through the free grains.
+  subroutine hold_loads(self, f)
+    class(overlap_type), intent(inout) :: self
+    real(wp), intent(in) :: f(:, :)  !! (3, nodes) [N]
+    self%forces%f_hold = f
+    self%forces%c_hold = 0.0_wp
+    call self%op%from_prescribed(self%forces%f_hold, self%forces%c_hold, self%forces%force_hold, &
+      self%forces%moment_hold)
+    call self%forces%parts%forget_dead()
+  end subroutine hold_loads
 
   !> Are motion and forces numbers?
   pure logical function finite(self)

@@ -135,9 +135,11 @@ contains
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    call solid%request%put(prescribed_set//dot_u, o%motion%u(:, :o%op%prescribed))
-    if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, o%motion%u(:, &
-      o%op%prescribed + 1:))
+    real(wp) :: u(3, o%op%nodes)
+    u = o%motion%u
+    if (allocated(o%map%base)) u = u + o%map%base(:, o%op%node)
+    call solid%request%put(prescribed_set//dot_u, u(:, :o%op%prescribed))
+    if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, u(:, o%op%prescribed + 1:))
     if (o%op%nodes_phi == 0) return
     call solid%request%put(prescribed_phi_set//dot_phi, o%motion%phi(:, :o%op%prescribed_phi))
     if (.not. o%rules%static) &

@@ -95,6 +95,7 @@ contains
     if (errors%any()) return
     free = held == 0
     free(:, o%op%node) = .false.
+    free(:, o%sets%off) = .false.
     allocate (weight(3, o%cells%nodes))
     do a = 1, o%cells%nodes
       weight(:, a) = mass(a)*solid%gravity

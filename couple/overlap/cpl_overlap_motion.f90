@@ -26,6 +26,7 @@ module cpl_overlap_motion
     procedure :: begin_ghosts
     procedure :: put_ghosts
     procedure :: begin_speed
+    procedure :: set_speed
     procedure :: begin_spin
   end type overlap_motion_type
 
@@ -126,6 +127,13 @@ contains
       self%turn(:, rows(i)) = turn(:, i)
     end do
   end subroutine put_ghosts
+
+  !> Velocities of all nodes.
+  pure subroutine set_speed(self, v)
+    class(overlap_motion_type), intent(inout) :: self
+    real(wp), intent(in) :: v(:, :)  !! (3, nodes) [m/s]
+    self%v = v
+  end subroutine set_speed
 
   !> Velocities of the edge, which comes after so many prescribed nodes.
   pure subroutine begin_speed(self, prescribed, v)

@@ -11,7 +11,7 @@ module cpl_overlap_partition
   use cpl_overlap, only: overlap_type
   use cpl_partition, only: partition_type, grain_free, grain_ghost, grain_other, region_free, &
     region_ghost, region_rest, turn_none, turn_curl, turn_micro
-  use cpl_sets, only: part_ghost, part_free
+  use cpl_sets, only: part_ghost, part_free, part_none
   implicit none
   private
   public :: contacts_type, points_type, fill_partition, elastic_tensor, rows_of_contacts
@@ -105,7 +105,7 @@ contains
     end do
     do e = 1, o%cells%elements
       near(e) = any(touched(o%cells%nodes_of(e)))
-      if (all) near(e) = o%sets%part(e) /= part_free
+      if (all) near(e) = o%sets%part(e) /= part_free .and. o%sets%part(e) /= part_none
     end do
     taken = pack([(k, k=1, o%cells%elements)], near)
     allocate (number(o%cells%elements), source=0_i4)

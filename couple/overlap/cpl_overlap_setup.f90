@@ -17,7 +17,8 @@ module cpl_overlap_setup
   use cpl_choices, only: cpl_choices_type, rotation_fixed, rotation_curl, rotation_micro
   use cpl_operators, only: map_choice_type, weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
-    prescribed_phi_set, edge_phi_set
+    prescribed_phi_set, edge_phi_set, off_set
+  use cpl_overlap_carry, only: carried_type, hold_difference
   use cpl_overlap_file, only: hash_of
   use cpl_overlap_hold, only: hold_solid
   use cpl_overlap_limit, only: check_step
@@ -32,7 +33,7 @@ module cpl_overlap_setup
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: make_overlap, give_masses, begin_overlap
+  public :: make_overlap, give_masses, begin_overlap, read_grains, read_mesh
 
 contains
 
@@ -60,7 +61,8 @@ contains
     if (errors%any()) return
     call read_mesh(o, solvers(side_solid), timers, errors)
     if (errors%any()) return
-    call choose_elements(o, solvers(side_solid), choices, timers, errors)
+    if (.not. allocated(o%sets%part)) &
+      call choose_elements(o, solvers(side_solid), choices, timers, errors)
     call check_micro(o, choices, solvers(side_solid), errors)
     if (errors%any()) return
     if (o%cells%micromorphic .and. rotation_of(o, choices) == rotation_micro) then
@@ -195,6 +197,7 @@ contains
       call reply%take_int(field_node, c%node, errors)
       call reply%take(field_mass_u, c%mass, errors)
       if (errors%any()) return
+      if (allocated(o%map%base)) c%x = c%x + o%map%base
       c%nodes = size(c%x, 2)
       c%elements = size(c%kind)
       allocate (c%polar(c%nodes), source=.false.)
@@ -328,14 +331,16 @@ contains
     end select
   end function weights_of
 
-  !> SELECT, weights, masses, READY; a fresh run then takes the forces at the start.
-  subroutine begin_overlap(o, solvers, choices, again, timers, errors)
+  !> SELECT, weights, masses, READY; a fresh run then takes the forces at the start. Sets that are
+  !! made anew within a run take over what is carried.
+  subroutine begin_overlap(o, solvers, choices, again, timers, errors, carried)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
     logical, intent(in) :: again  !! after a restart
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    type(carried_type), intent(in), optional :: carried
     real(wp) :: none(3, o%op%ghosts)
     type(start_type) :: start
 
@@ -352,11 +357,11 @@ contains
     if (errors%any()) return
     if (o%rules%stressed) then
       call balance_start(o, solvers(side_solid), again, start, timers, errors)
-    else if (.not. o%rules%static) then
+    else if (.not. (o%rules%static .or. present(carried))) then
       call hold_solid(o, solvers(side_solid), again, choices%overlap%dead_load, timers, errors)
     end if
     if (errors%any()) return
-    call ready(solvers(side_solid), o%step, timers, errors)
+    if (.not. present(carried)) call ready(solvers(side_solid), o%step, timers, errors)
     call begin_loads(o, solvers(side_solid), again, timers, errors)
     if (errors%any()) return
     if (again) then
@@ -375,7 +380,11 @@ contains
       .and. .not. o%rules%static) call steady_forces(o)
     if (choices%overlap%dead_load) then
       call o%pull()
-      call o%forces%hold()
+      if (present(carried)) then
+        call hold_difference(o, carried)
+      else
+        call o%forces%hold()
+      end if
       call o%pull()
       call o%resist()
     end if
@@ -450,6 +459,8 @@ contains
       call choose(grains, free_set, role_report, o%pack%id(o%sets%free), reported(o))
       call choose(grains, pulled_set, role_load, o%pack%id(o%sets%free), 'none')
       call choose(solid, prescribed_set, role_prescribe, int(o%op%node(:n), i8), field_u)
+      if (size(o%sets%off) > 0) &
+        call choose(solid, off_set, role_prescribe, int(o%sets%off, i8), field_u)
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)
       if (errors%any()) return
       call solid%reply%take_int(field_held, held, errors)

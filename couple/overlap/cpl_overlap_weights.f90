@@ -19,7 +19,7 @@ module cpl_overlap_weights
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, fill_partition
   use cpl_partition, only: partition_type, ghost_ghost
-  use cpl_sets, only: part_ghost, part_free
+  use cpl_sets, only: part_ghost, part_free, part_none
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   use cpl_weights, only: omega, omega_mean, kernel_shares
   implicit none
@@ -96,7 +96,7 @@ contains
     end associate
     do q = 1, size(o%share%beta)
       select case (o%sets%part(points%element(q)))
-      case (part_free)
+      case (part_free, part_none)
         o%share%beta(q) = 0.0_wp
       case (part_ghost)
         if (fades) o%share%beta(q) = 1.0_wp - omega(o%sets%hull%distance(points%x(:, q)), &

@@ -44,6 +44,7 @@ module cpl_choices
     logical :: relaxed = .false.       !! both sides find their balance before the run
     real(wp) :: relax_tolerance = 0.0_wp
     integer(i4) :: relax_exchanges = 0
+    logical :: adaptive = .false.      !! elements of the overlap change their part
     type(overlap_choices_type) :: overlap
   end type cpl_choices_type
 
@@ -59,6 +60,7 @@ contains
     if (allocated(choices%overlap%scheme) .and. name == 'bridging_scale') then
       if (choices%overlap%scheme == 'static') name = 'static_overlap'
     end if
+    if (choices%adaptive) name = 'adaptive_scale'
   end function method_name
 
   subroutine read_choices(deck, choices, errors)
@@ -79,6 +81,7 @@ contains
     call deck%get('clock', 1, 'scheme', choices%scheme_name)
     call deck%get('clock', 1, 'tolerance', choices%tolerance)
     call deck%get('clock', 1, 'max_iterations', choices%max_iterations)
+    choices%adaptive = deck%count('adapt') > 0 .and. deck%count('overlap') > 0
     call read_overlap(deck, choices%overlap, errors)
     call check_clock(deck, choices, errors)
     if (deck%count('facets') == 0) return

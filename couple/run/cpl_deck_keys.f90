@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-couple.
   subroutine cpl_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-couple', 8)
+    call table%init('talus-couple', 9)
     call group_run(table)
     call group_checkpoint(table)
     call group_limits(table)
@@ -20,6 +20,7 @@ contains
     call group_port(table)
     call group_clock(table)
     call group_facets(table)
+    call group_adapt(table)
     call group_overlap(table)
   end subroutine cpl_deck_table
 
@@ -249,6 +250,79 @@ contains
     call table%bounds(min=2.0_wp, max=1000000.0_wp)
     call table%only_with('initial', 'relax')
   end subroutine group_facets_2
+
+  subroutine group_adapt(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('adapt', 11, &
+      'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
+      //'the deck of the grains). Elements of the mesh near the way of the body are ' &
+      //'opened: their grains wake and are free; in the outer layers of the opened ' &
+      //'elements nodes follow the grains, inside there is no continuum, around them are ' &
+      //'layers of ghosts, and elsewhere grains sleep. What was opened stays open. With ' &
+      //'`&overlap free_elements = ''adapt'', ghost_elements = ''adapt'', partition = ' &
+      //'''share'', initial = ''dead_load''` and classical solids (D460). Written to ' &
+      //'`<deck>_conversions.csv`.')
+    call table%add_key('centre', 'real', 'm', &
+      'Middle of a box around the body at the start, along the axes.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('half', 'real', 'm', 'Half the edges of that box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('velocity', 'real', 'm/s', &
+      'Velocity of the body, as in the deck of the grains.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('free_within', 'real', 'm', &
+      'Elements whose middle is so near to the box, now or within two intervals, are ' &
+      //'opened.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('free_layers', 'integer', '', &
+      'Outer layers of the opened elements whose nodes follow the free grains.')
+    call table%preset('1')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('ghost_layers', 'integer', '', &
+      'Layers of elements with ghosts around the opened ones.')
+    call table%preset('2')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('every_time', 'real', 's', &
+      'Simulated time between two plans: the time in which the body goes half an ' &
+      //'element or less.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+    call table%add_key('rest_steps', 'integer', '', &
+      'Most steps in which ghosts that have become free, and free grains near them, ' &
+      //'come to rest while all else is held; 0: none.')
+    call table%preset('0')
+    call table%bounds(min=0.0_wp)
+    call group_adapt_2(table)
+  end subroutine group_adapt
+
+  subroutine group_adapt_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('rest_reach', 'real', '', &
+      'How near the free grains that may move with them are, in diameters of the ' &
+      //'largest grain.')
+    call table%preset('2.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('unbalanced', 'real', '', &
+      'Mean force left on a grain over the mean force of a contact at which they are at' &
+      //' rest.')
+    call table%preset('0.0002')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('most_grains', 'integer', '', 'Most grains that may be awake (N463).')
+    call table%preset('200000')
+    call table%bounds(min=1.0_wp)
+  end subroutine group_adapt_2
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table

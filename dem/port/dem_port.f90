@@ -15,6 +15,7 @@ module dem_port
   use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
+  use dem_make, only: mass_of
   use dem_model, only: dem_model_type, program_name
   use dem_sets, only: dem_sets_type, selection_type
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
@@ -97,18 +98,33 @@ contains
 
     associate (model => self%model)
       if (.not. self%greeted) then
-        self%base_mass = model%system%grains%mass
-        self%base_inertia = model%system%grains%inertia
         if (len(model%options%restart) == 0) &
           model%options%restart = restart_file(restart, model%stem)
         call model%prepare(errors)
         if (errors%any()) return
-        self%factor = model%system%grains%mass/self%base_mass
+        call find_base(self)
         self%late = model%system%health%late_rebuilds
       end if
       call reply_hello(model, reply)
     end associate
   end subroutine hello
+
+  !> Masses and moments of inertia without factors: of the grains' volumes and densities.
+  subroutine find_base(self)
+    type(dem_server_type), intent(inout) :: self
+    real(wp), parameter :: same = 1.0e-12_wp
+    integer(i4) :: i
+    associate (g => self%model%system%grains, materials => self%model%system%materials)
+      self%base_mass = g%mass
+      self%base_inertia = g%inertia
+      self%factor = g%mass/mass_of(materials(g%material)%density, g%axes)
+      do i = 1, g%n
+        if (abs(self%factor(i) - 1.0_wp) <= same) self%factor(i) = 1.0_wp
+        self%base_mass(i) = g%mass(i)/self%factor(i)
+        self%base_inertia(:, i) = g%inertia(:, i)/self%factor(i)
+      end do
+    end associate
+  end subroutine find_base
 
   !> After a change of kinds or masses before the first step: rebuild lists, forces and ledger.
   subroutine refresh(self, errors)
@@ -116,6 +132,10 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (.not. self%stale) return
     self%stale = .false.
+    if (self%renewed) then  ! what grains that woke brought along is in the list, not in the packing
+      call find_anew(self)
+      return
+    end if
     call self%model%histories%init(self%model%system)
     call self%model%system%init(errors)
     if (.not. errors%any()) call self%model%load_surface(.true., errors)
@@ -201,11 +221,15 @@ contains
     if (errors%any()) return
     associate (model => self%model)
       listed = any(value > 0.0_wp)  ! else contacts between ghosts do not count: none are listed
-      if (.not. model%system%par%overlapped .or. model%clock%steps == 0) then
+      if (.not. model%system%par%overlapped .or. model%clock%steps == 0 .or. self%renewed) then
         model%system%par%overlapped = .true.
         model%system%par%ghost_pairs = listed
         call model%system%set_weights(ids, value)
-        if (model%clock%steps == 0) call model%system%init(errors)
+        if (self%renewed) then
+          call find_anew(self)
+        else if (model%clock%steps == 0) then
+          call model%system%init(errors)
+        end if
         if (.not. errors%any()) call model%load_surface(.true., errors)
       else
         call model%system%set_weights(ids, value)
@@ -324,6 +348,7 @@ contains
     call self%refresh(errors)
     if (errors%any()) return
     if (self%renewed) call find_anew(self)
+    self%renewed = .false.
     if (self%rehearsing) then
       call self%hold()
     else
@@ -348,7 +373,6 @@ contains
     logical :: none(self%model%system%grains%n)
     none = .false.
     call self%model%system%leave(none)
-    self%renewed = .false.
   end subroutine find_anew
 
   !> Motion prescribed by the deck is suspended during a rehearsal.

@@ -112,6 +112,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: index(:), kind(:), now(:)
     integer(i8), allocatable :: ids(:)
+    type(start_springs_type) :: springs
     logical :: none(model%system%grains%n)
 
     call check_open(model, request, errors)
@@ -132,9 +133,40 @@ contains
       return
     end if
     none = .false.
-    call model%system%leave(none, now)
+    if (model%bed%active) then
+      call springs_of_freed(model, now, springs)
+      call model%system%leave(none, now, springs)
+    else
+      call model%system%leave(none, now)
+    end if
     call renew_driven(model)
   end subroutine set_kinds
+
+  !> Friction of the tile for contacts of grains that become free with others that were not free,
+  !! which were in no list until now.
+  subroutine springs_of_freed(model, kind, springs)
+    type(dem_model_type), intent(in) :: model
+    integer(i4), intent(in) :: kind(:)  !! (grains) from now on
+    type(start_springs_type), intent(out) :: springs
+    integer(i4), allocatable :: kept(:)
+    integer(i4) :: k
+    associate (g => model%system%grains)
+      call model%bed%springs_of(model%system%dem_data_type, &
+                                pack(g%id, kind == kind_free .and. g%kind == kind_ghost), springs)
+      kept = pack([(k, k=1, springs%given)], [(was_ghost(springs%ids(2, k)), k=1, springs%given)])
+      springs%ids = springs%ids(:, kept)
+      springs%force = springs%force(:, kept)
+      springs%given = size(kept)
+    end associate
+
+  contains
+
+    logical function was_ghost(id)
+      integer(i8), intent(in) :: id
+      was_ghost = model%system%grains%kind(index_of(model%system%dem_data_type, real(id, wp))) &
+                  == kind_ghost
+    end function was_ghost
+  end subroutine springs_of_freed
 
   !> P265: what counts on the grains of the start.
   subroutine check_open(model, request, errors)

@@ -35,17 +35,19 @@ module dem_population
 contains
 
   !> These grains leave: their contacts are gone, and what they and those stored. Of the others some
-  !! may be held from now on, or be free.
-  subroutine remove_grains(d, leaving, kind)
+  !! may be held from now on, or be free; springs hang on contacts of those.
+  subroutine remove_grains(d, leaving, kind, springs)
     type(dem_data_type), intent(inout) :: d
     logical, intent(in) :: leaving(:)          !! (grains)
     integer(i4), intent(in), optional :: kind(:)  !! (grains) from now on
+    type(start_springs_type), intent(in), optional :: springs
     real(wp), allocatable :: none(:, :)
     type(dem_ledger_type) :: before
     call refresh_stored(d, d%ledger_dt, before)
     if (present(kind)) call change_kinds(d, kind)
     allocate (none(grain_reals(d%grains%shapes%in_use), 0))
     call exchange_grains(d, leaving, none)
+    if (present(springs)) call hang_springs(d, springs)
     call find_forces(d)
     d%ledger%left = d%ledger%left - gain(d, before)
   end subroutine remove_grains

@@ -251,12 +251,13 @@ contains
   end subroutine restore
 
   !> These grains leave between two steps; the whole has been gathered.
-  subroutine leave(self, leaving, kind)
+  subroutine leave(self, leaving, kind, springs)
     class(dem_system_type), intent(inout) :: self
     logical, intent(in) :: leaving(:)             !! (grains)
     integer(i4), intent(in), optional :: kind(:)  !! (grains) of those that stay, from now on
+    type(start_springs_type), intent(in), optional :: springs  !! of contacts of those let go
     call follow_step(self%dem_data_type, self%par%dt)
-    call remove_grains(self%dem_data_type, leaving, kind)
+    call remove_grains(self%dem_data_type, leaving, kind, springs)
     call settle_change(self)
   end subroutine leave
 

@@ -24,8 +24,9 @@ import numpy as np
 ROOT = Path(__file__).resolve().parent.parent.parent
 CODE = re.compile(r"\berror ([A-Z]\d{3})")
 CRASH = re.compile(
-    r"SIG[A-Z]{3,4}\b.*|Backtrace.*|Fortran runtime error.*|(?:ERROR|SUMMARY): \w*Sanitizer.*|ERROR STOP.*|"
-    r"bug: .*|Traceback \(most.*|free\(\): .*|malloc\(\): .*|.*corrupted.*|runtime error: .*"
+    r"SIG[A-Z]{3,4}\b.*|Backtrace.*|Fortran runtime error.*|ERROR STOP.*|"
+    r"(?:ERROR|SUMMARY): \w*Sanitizer.*|bug: .*|Traceback \(most.*|free\(\): .*|"
+    r"malloc\(\): .*|.*corrupted.*|runtime error: .*"
 )
 MEMORY = 8 << 30  # [bytes] that a program may have
 PATIENCE = 60.0  # [s] a program that takes longer hangs; undamaged runs take less than a second

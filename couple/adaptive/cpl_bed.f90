@@ -1,0 +1,239 @@
+!> The grains of a bed that sleep, and how they wake, fall asleep and change their kind as elements
+!! change their part (theory-overlap, Conversion). Faults N463, N465.
+module cpl_bed
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
+  use talus_port_names, only: field_id, field_kind, field_moved, field_steps, field_substeps, &
+    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_kind
+  use talus_text, only: str
+  use talus_timers, only: timers_type
+  use cpl_cells, only: cells_type, spot_type
+  use cpl_overlap, only: overlap_type
+  use cpl_overlap_carry, only: carried_type
+  use cpl_roles, only: roles_type
+  use cpl_sets, only: pack_type, part_none, part_rest, part_ghost, part_free
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: bed_type, change_type
+
+  integer(i4), parameter :: free = 0, ghost = 3  !! kinds at the port
+
+  !> What a conversion has done.
+  type :: change_type
+    integer(i4) :: woken = 0, freed = 0, slept = 0, awake = 0  !! grains
+    integer(i4) :: steps = 0           !! to rest
+    real(wp) :: unbalanced = 0.0_wp    !! at the end of them [-]
+    real(wp) :: moved = 0.0_wp         !! by them, at most [m]
+  end type change_type
+
+  type :: bed_type
+    integer(i8), allocatable :: id(:)       !! of grains that sleep
+    real(wp), allocatable :: x(:, :)        !! where, (3, n) [m]
+    type(spot_type), allocatable :: spot(:)  !! in the mesh at rest
+    type(change_type) :: change             !! of the last conversion
+  contains
+    procedure :: read => read_bed
+    procedure :: begin => fit_to_parts
+    procedure :: convert
+    procedure, private :: wake
+    procedure, private :: rest
+    procedure, private :: sleep
+  end type bed_type
+
+contains
+
+  !> What sleeps, and in which elements.
+  subroutine read_bed(self, grains, cells, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    type(cells_type), intent(in) :: cells  !! not displaced
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: rank(cells%elements), k
+
+    call grains%describe(what_asleep, '', timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int(field_id, self%id, errors)
+    call grains%reply%take(field_x, self%x, errors)
+    if (errors%any()) return
+    if (allocated(self%spot)) deallocate (self%spot)
+    allocate (self%spot(size(self%id)))
+    rank = 0
+    do k = 1, size(self%spot)
+      call cells%find(self%x(:, k), rank, self%spot(k))
+    end do
+  end subroutine read_bed
+
+  !> At a fresh start: awake are the grains of opened elements and of those of ghosts.
+  subroutine fit_to_parts(self, grains, roles, pack_of, cells, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    type(roles_type), intent(in) :: roles
+    type(pack_type), intent(in) :: pack_of
+    type(cells_type), intent(in) :: cells  !! not displaced
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(spot_type) :: spot
+    type(carried_type) :: still
+    logical :: leaving(size(pack_of%id)), bound(size(pack_of%id))
+    integer(i4) :: g
+
+    leaving = .false.
+    bound = .false.
+    do g = 1, size(leaving)
+      if (pack_of%kind(g) /= free .and. pack_of%kind(g) /= ghost) cycle
+      spot = spot_type()
+      call cells%find(pack_of%x(:, g), roles%part, spot)
+      if (spot%element == 0) cycle
+      leaving(g) = roles%part(spot%element) == part_rest
+      bound(g) = roles%part(spot%element) == part_ghost
+    end do
+    allocate (still%u(3, cells%nodes), still%v(3, cells%nodes), source=0.0_wp)
+    if (any(leaving)) call self%sleep(grains, pack(pack_of%id, leaving), timers, errors)
+    if (errors%any()) return
+    call self%read(grains, cells, timers, errors)
+    if (errors%any()) return
+    call self%wake(grains, roles, cells, still, timers, errors)
+    if (any(bound) .and. .not. errors%any()) &
+      call send_kinds(grains, pack(pack_of%id, bound), ghost, timers, errors)
+  end subroutine fit_to_parts
+
+  !> Within a run: grains of newly opened elements are free, those of new elements of ghosts wake.
+  subroutine convert(self, o, grains, roles, carried, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(overlap_type), intent(in) :: o           !! until now
+    type(cpl_solver_type), intent(inout) :: grains
+    type(roles_type), intent(in) :: roles         !! from now on
+    type(carried_type), intent(in) :: carried     !! motion of all nodes
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    logical :: freed(o%op%ghosts)
+    integer(i8), allocatable :: ids(:)
+    integer(i4) :: k
+
+    self%change = change_type()
+    do k = 1, o%op%ghosts
+      associate (part => roles%part(o%sets%ghost_spot(k)%element))
+        freed(k) = part == part_none .or. part == part_free
+      end associate
+    end do
+    ids = pack(o%pack%id(o%sets%ghost), freed)
+    self%change%freed = size(ids)
+    if (size(ids) > 0) call send_kinds(grains, ids, free, timers, errors)
+    if (errors%any()) return
+    call self%wake(grains, roles, o%cells, carried, timers, errors)
+    if (errors%any()) return
+    self%change%awake = size(o%pack%id) + self%change%woken
+    if (roles%rest_steps > 0) call self%rest(o, grains, roles, ids, timers, errors)
+  end subroutine convert
+
+  !> WAKE what sleeps in elements that are no longer of continuum alone: moved with the nodes.
+  subroutine wake(self, grains, roles, cells, carried, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    type(roles_type), intent(in) :: roles
+    type(cells_type), intent(in) :: cells
+    type(carried_type), intent(in) :: carried  !! motion of all nodes
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    logical :: waking(size(self%id))
+    real(wp), allocatable :: x(:, :), speed(:, :)
+    integer(i4), allocatable :: at(:), kind(:)
+    integer(i4) :: k, e, n
+
+    do k = 1, size(waking)
+      e = self%spot(k)%element
+      waking(k) = e > 0
+      if (waking(k)) waking(k) = roles%part(e) /= part_rest
+    end do
+    at = pack([(k, k=1, size(waking))], waking)
+    self%change%woken = size(at)
+    if (size(at) == 0) return
+    allocate (x(3, size(at)), speed(3, size(at)), kind(size(at)))
+    do k = 1, size(at)
+      associate (spot => self%spot(at(k)))
+        n = spot%n
+        e = spot%element
+        associate (node => cells%node(cells%start(e):cells%start(e) + n - 1))
+          x(:, k) = self%x(:, at(k)) + matmul(carried%u(:, node), spot%weight(:n))
+          speed(:, k) = matmul(carried%v(:, node), spot%weight(:n))
+        end associate
+        kind(k) = merge(ghost, free, roles%part(e) == part_ghost)
+      end associate
+    end do
+    call grains%start_request(verb_wake, 0_i8, grains%time, grains%time)
+    call grains%request%put_int(field_id, self%id(at))
+    call grains%request%put_int(field_kind, kind)
+    call grains%request%put(field_x, x)
+    call grains%request%put(field_v, speed)
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    self%id = pack(self%id, .not. waking)
+    self%spot = pack(self%spot, .not. waking)
+    self%x = self%x(:, pack([(k, k=1, size(waking))], .not. waking))
+  end subroutine wake
+
+  !> RELAX the new free grains and free ones that are near to them.
+  subroutine rest(self, o, grains, roles, fresh, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: grains
+    type(roles_type), intent(in) :: roles
+    integer(i8), intent(in) :: fresh(:)  !! ids
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    logical :: moving(size(o%sets%free)), new(o%op%ghosts)
+    real(wp) :: reach
+    integer(i4) :: k, g
+
+    if (size(fresh) == 0) return
+    reach = roles%rest_reach*o%sets%d_max
+    do g = 1, o%op%ghosts
+      new(g) = any(fresh == o%pack%id(o%sets%ghost(g)))
+    end do
+    moving = .false.
+    do g = 1, o%op%ghosts
+      if (.not. new(g)) cycle
+      do k = 1, size(moving)
+        if (moving(k)) cycle
+        moving(k) = sum((o%map%x_free(:, k) + o%motion%q(:, k) - o%map%x_ghost(:, g) &
+                         - o%motion%d(:, g))**2) <= reach**2
+      end do
+    end do
+    call grains%start_request(verb_relax, 0_i8, grains%time, grains%time)
+    call grains%request%put_int(field_id, [fresh, pack(o%pack%id(o%sets%free), moving)])
+    call grains%request%put_int(field_steps, roles%rest_steps)
+    call grains%request%put(field_tolerance, roles%unbalanced)
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    call grains%reply%get_int(field_substeps, self%change%steps, errors)
+    call grains%reply%get(field_unbalanced, self%change%unbalanced, errors)
+    call grains%reply%get(field_moved, self%change%moved, errors)
+  end subroutine rest
+
+  subroutine sleep(self, grains, ids, timers, errors)
+    class(bed_type), intent(in) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    integer(i8), intent(in) :: ids(:)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_sleep, 0_i8, grains%time, grains%time)
+    call grains%request%put_int(field_id, ids)
+    call grains%ask(timers, errors)
+  end subroutine sleep
+
+  subroutine send_kinds(grains, ids, kind, timers, errors)
+    type(cpl_solver_type), intent(inout) :: grains
+    integer(i8), intent(in) :: ids(:)
+    integer(i4), intent(in) :: kind
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call grains%start_request(verb_set, 0_i8, grains%time, grains%time)
+    call grains%request%put_text(field_what, what_kind)
+    call grains%request%put_int(field_id, ids)
+    call grains%request%put_int(field_kind, spread(kind, 1, size(ids)))
+    call grains%ask(timers, errors)
+  end subroutine send_kinds
+end module cpl_bed

@@ -1,0 +1,313 @@
+!> Overlap of the bridging scale that goes with a body: elements before it are opened and the grains
+!! that slept in them wake, ghosts become free (theory: overlap coupling, Conversion).
+!!
+!! A conversion is made at an accepted exchange: the population of the grains is changed, then the
+!! sets, maps, weights, masses and limits are made by the set-up's own code, with the places now as
+!! the reference. Motion goes on; what jumps in the forces on nodes is held from then on. Faults
+!! N463, D460.
+module cpl_adaptive_scale
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str, string_type, append_string
+  use talus_errors, only: error_list_type
+  use talus_checkpoint, only: checkpoint_info_type
+  use talus_hdf5, only: h5_file_type
+  use talus_history, only: history_type
+  use talus_log, only: log_type, short_number
+  use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_momentum
+  use talus_system, only: wall_clock
+  use cpl_bed, only: bed_type, change_type
+  use cpl_bridging_scale, only: bridging_scale_type
+  use cpl_choices, only: cpl_choices_type
+  use cpl_overlap, only: overlap_type
+  use cpl_overlap_carry, only: carried_type, carry_from
+  use cpl_overlap_file, only: read_overlap_reference
+  use cpl_overlap_limit, only: kick_watch_type
+  use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
+  use cpl_roles, only: roles_type
+  use cpl_run, only: cpl_run_type
+  use cpl_sets, only: part_none, part_ghost, part_free
+  use cpl_solver, only: side_grains, side_solid
+  implicit none
+  private
+  public :: adaptive_scale_type
+
+  character(len=17), parameter :: columns(15) = [character(len=17) :: 'time [s]', 'opened [-]', &
+    'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'awake [-]', 'rest_steps [-]', &
+    'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
+    'momentum [kg m/s]', 'seconds [s]']
+
+  type, extends(bridging_scale_type) :: adaptive_scale_type
+    type(roles_type) :: roles
+    type(bed_type) :: bed
+    integer(i8) :: conversions = 0
+    real(wp) :: energy = 0.0_wp        !! that conversions have brought [J]
+    type(history_type) :: history
+  contains
+    procedure :: check
+    procedure :: make
+    procedure :: start
+    procedure :: after
+    procedure :: own_columns
+    procedure :: own_values
+    procedure :: own_health
+    procedure :: put_own
+    procedure :: get_own
+    procedure :: log_own
+    procedure, private :: convert
+    procedure, private :: note
+  end type adaptive_scale_type
+
+contains
+
+  !> The group &adapt.
+  subroutine check(self, run, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    if (.not. errors%any()) call self%roles%read(run%deck, run%choices, errors)
+  end subroutine check
+
+  !> Parts of the elements and who is awake, then the sets; after a restart those of the checkpoint.
+  subroutine make(self, run, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    type(overlap_type) :: plain
+    integer(i4), allocatable :: part(:)
+    real(wp), allocatable :: reference(:, :)
+
+    associate (grains => run%solvers(side_grains), timers => run%timers)
+      call read_mesh(plain, run%solvers(side_solid), timers, errors)
+      if (errors%any()) return
+      call self%roles%set_mesh(plain%cells, run%choices%t_end, run%deck%source%path, errors)
+      if (any(plain%cells%polar)) call errors%add('D460', 'the solid has rotations or '// &
+        'deformations of its own', run%solvers(side_solid)%deck, 'grains follow a body in '// &
+        'classical solids: elastic, Drucker-Prager or Cam-clay')
+      if (errors%any()) return
+      if (run%again) then
+        call read_overlap_reference(run%checkpoint, run%state, reference, errors)
+        if (.not. errors%any()) call read_parts(self, run, errors)
+        if (.not. errors%any()) call self%bed%read(grains, plain%cells, timers, errors)
+      else
+        call self%roles%plan(plain%cells, 0.0_wp, spell(self, run), part)
+        call move_alloc(part, self%roles%part)
+        call read_grains(plain, grains, timers, errors)
+        if (.not. errors%any()) call self%bed%begin(grains, self%roles, plain%pack, plain%cells, &
+                                                    timers, errors)
+      end if
+      if (errors%any()) return
+      self%o%sets%part = self%roles%part
+      call make_overlap(self%o, run%solvers, run%choices, run%dynamic, reference, timers, errors)
+      if (.not. errors%any()) call self%share(run, errors)
+    end associate
+  end subroutine make
+
+  !> Time that a plan looks ahead: two of its intervals [s].
+  pure real(wp) function spell(self, run)
+    class(adaptive_scale_type), intent(in) :: self
+    type(cpl_run_type), intent(in) :: run
+    spell = 2.0_wp*self%roles%every*run%choices%exchange
+  end function spell
+
+  !> Parts, and displacements when the sets were made.
+  subroutine read_parts(self, run, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(in) :: run
+    type(error_list_type), intent(inout) :: errors
+    type(h5_file_type) :: file
+    type(checkpoint_info_type) :: info
+    call run%checkpoint%open(run%state, file, info, errors)
+    if (errors%any()) return
+    allocate (self%roles%part(size(self%roles%middle, 2)), source=0_i4)
+    call file%get_into('/adapt/part', self%roles%part, errors)
+    if (file%exists('/adapt/base')) then
+      allocate (self%o%map%base(3, size(self%roles%start) - 1), source=0.0_wp)
+      call file%get_into('/adapt/base', self%o%map%base, errors)
+    end if
+    call file%close(errors)
+  end subroutine read_parts
+
+  subroutine start(self, run, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    call self%start_audit(run, errors)
+    if (errors%any()) return
+    call self%history%begin(run%stem//'_conversions.csv', columns, &
+                            merge(run%begins, -1.0_wp, run%again), errors)
+    if (.not. (run%again .or. errors%any())) &
+      call self%note(0.0_wp, change_type(awake=size(self%o%pack%id)), spread(0.0_wp, 1, 5), errors)
+  end subroutine start
+
+  !> The row of the audit; then a conversion, if the plan is another one.
+  subroutine after(self, run, t1, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: part(:)
+
+    call self%follow_exchange(run, t1, errors)
+    if (errors%any() .or. .not. self%roles%is_due(self%step)) return
+    if (self%step >= run%choices%exchanges) return
+    call self%roles%plan(self%o%cells, t1, spell(self, run), part)
+    if (all(part == self%roles%part)) return
+    call move_alloc(part, self%roles%part)
+    call self%convert(run, t1, errors)
+  end subroutine after
+
+  !> Elements are opened: who wakes, who is free, and the overlap made anew.
+  subroutine convert(self, run, t1, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    type(carried_type) :: carried
+    real(wp) :: began, before(5), change(5)
+
+    began = wall_clock()
+    run%solvers%time = t1
+    before = totals(self%o)
+    call run%timers%start('conversions')
+    call carry_from(self%o, run%solvers(side_solid), carried, run%timers, errors)
+    if (.not. errors%any()) call self%bed%convert(self%o, run%solvers(side_grains), self%roles, &
+                                                  carried, run%timers, errors)
+    if (.not. errors%any()) call check_awake(self, t1, errors)
+    if (.not. errors%any()) call renew(self, run, carried, errors)
+    call run%timers%stop('conversions')
+    if (errors%any()) return
+    change = totals(self%o) - before
+    self%energy = self%energy + sum(change(:2))
+    self%conversions = self%conversions + 1
+    associate (told => self%bed%change)
+      call self%note(t1, told, [change(:2), maxval(abs(self%o%forces%f_hold)), &
+                                norm2(change(3:)), wall_clock() - began], errors)
+      call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
+        str(told%freed)//' ghosts are free, '//str(told%awake)//' are awake')
+    end associate
+    call renew_watch(self, run, errors)
+  end subroutine convert
+
+  !> N463: more grains are awake than the deck allows.
+  subroutine check_awake(self, t1, errors)
+    class(adaptive_scale_type), intent(in) :: self
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    if (self%bed%change%awake <= self%roles%most_grains) return
+    call errors%add('N463', str(self%bed%change%awake)//' grains are awake, more than '// &
+      'most_grains = '//str(self%roles%most_grains), 'conversion at '//str(t1)//' s', &
+      'raise &adapt most_grains, or open fewer elements: a smaller free_within, fewer layers')
+  end subroutine check_awake
+
+  !> The overlap for the parts from now on.
+  subroutine renew(self, run, carried, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(carried_type), intent(in) :: carried
+    type(error_list_type), intent(inout) :: errors
+    type(overlap_type), allocatable :: fresh
+    real(wp), allocatable :: none(:, :)
+
+    allocate (fresh)
+    call fresh%go_on_from(self%o)
+    fresh%sets%part = self%roles%part
+    fresh%map%base = carried%u
+    call make_overlap(fresh, run%solvers, run%choices, run%dynamic, none, run%timers, errors)
+    if (errors%any()) return
+    self%o = fresh
+    deallocate (fresh)
+    call self%share(run, errors)
+    if (.not. errors%any()) call begin_overlap(self%o, run%solvers, run%choices, .false., &
+                                               run%timers, errors, carried)
+  end subroutine renew
+
+  !> The limit of kicks of the new maps.
+  subroutine renew_watch(self, run, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(error_list_type), intent(inout) :: errors
+    type(kick_watch_type) :: watch
+    self%kick_watch = watch
+    if (.not. errors%any()) &
+      call self%kick_watch%begin(self%o, run%solvers, run%timers, errors)
+  end subroutine renew_watch
+
+  !> Kinetic and elastic energy of all [J], and their momentum [kg m/s].
+  pure function totals(o) result(total)
+    type(overlap_type), intent(in) :: o
+    real(wp) :: total(5), edge(6)
+    edge = o%edge_momentum()
+    associate (g => o%ledger%grains, s => o%ledger%solid, p => scalar_momentum)
+      total = [g(scalar_kinetic) + s(scalar_kinetic) + o%edge_kinetic(), &
+               g(scalar_elastic) + s(scalar_elastic), g(p:p + 2) + s(p:p + 2) + edge(:3)]
+    end associate
+  end function totals
+
+  !> A row of <stem>_conversions.csv.
+  subroutine note(self, time, change, numbers, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    real(wp), intent(in) :: time         !! [s]
+    type(change_type), intent(in) :: change
+    real(wp), intent(in) :: numbers(5)   !! change of energies, held load, change of momentum,
+                                         !! seconds
+    type(error_list_type), intent(inout) :: errors
+    associate (part => self%roles%part)
+      call self%history%write([time, real(count(part == part_free .or. part == part_none), wp), &
+        real(count(part == part_none), wp), real(count(part == part_ghost), wp), &
+        real(change%woken, wp), real(change%freed, wp), real(change%awake, wp), &
+        real(change%steps, wp), change%unbalanced, change%moved, numbers], errors)
+      call self%history%flush(errors)
+    end associate
+  end subroutine note
+
+  subroutine own_columns(self, columns)
+    class(adaptive_scale_type), intent(in) :: self
+    type(string_type), allocatable, intent(inout) :: columns(:)
+    call append_string(columns, 'conversion_energy [J]')
+  end subroutine own_columns
+
+  function own_values(self) result(values)
+    class(adaptive_scale_type), intent(in) :: self
+    real(wp), allocatable :: values(:)
+    values = [self%energy]
+  end function own_values
+
+  function own_health(self) result(text)
+    class(adaptive_scale_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = str(self%conversions)//' conversions, '//str(size(self%o%pack%id))//' grains awake, '
+  end function own_health
+
+  subroutine put_own(self, file, errors)
+    class(adaptive_scale_type), intent(in) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    call file%put('/adapt/part', self%roles%part, errors)
+    if (allocated(self%o%map%base)) call file%put('/adapt/base', self%o%map%base, errors)
+    call self%o%ledger%put_bond(file, errors)
+    call file%put('/adapt/numbers', [real(self%conversions, wp), self%energy], errors)
+  end subroutine put_own
+
+  subroutine get_own(self, file, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(h5_file_type), intent(inout) :: file
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: numbers(2)
+    numbers = 0.0_wp
+    call self%o%ledger%get_bond(file, errors)
+    call file%get_into('/adapt/numbers', numbers, errors)
+    self%conversions = nint(numbers(1), i8)
+    self%energy = numbers(2)
+  end subroutine get_own
+
+  !> How the elements are opened.
+  subroutine log_own(self, log, choices)
+    class(adaptive_scale_type), intent(in) :: self
+    type(log_type), intent(inout) :: log
+    type(cpl_choices_type), intent(in) :: choices
+    call self%bridging_scale_type%log_own(log, choices)
+    call log%item('elements are opened', 'within '//short_number(self%roles%within)// &
+      ' m of the way of the body', 'every '//str(self%roles%every)//' exchanges; '// &
+      str(size(self%bed%id))//' grains sleep')
+  end subroutine log_own
+end module cpl_adaptive_scale
