@@ -33,6 +33,8 @@ module cpl_sets
 
   !> Grains by their row in the pack, nodes by their id.
   type :: sets_type
+    logical :: by_kind = .false.               !! grains know whether they are ghosts: free ones that
+                                               !! have come into elements of ghosts stay free
     integer(i4), allocatable :: part(:)        !! (elements) part_*
     integer(i4), allocatable :: free(:)        !! free grains under prescribed nodes
     integer(i4), allocatable :: ghost(:)
@@ -122,7 +124,10 @@ contains
     do g = 1, size(pack_of%id)
       call cells%find(pack_of%x(:, g), self%part, spot(g))
       if (spot(g)%element > 0) then
-        if (self%part(spot(g)%element) == part_none) spot(g) = spot_type()
+        associate (part => self%part(spot(g)%element))
+          if (part == part_none .or. (self%by_kind .and. part /= part_free .and. &
+                                      pack_of%kind(g) == 0)) spot(g) = spot_type()
+        end associate
       end if
       if (spot(g)%element == 0) then
         if (pack_of%kind(g) == 0) call put(g, n(1), outside)
@@ -213,6 +218,7 @@ contains
     end do
     self%least_in_element = minval(inside, self%part == part_free)
     self%mean_in_element = real(size(self%free), wp)/count(self%part == part_free)
+    if (self%by_kind) return  ! behind a body elements may be poor: the projection is the judge
     poor = pack([(e, e=1, cells%elements)], self%part == part_free .and. &
                 inside < cells%start(2:) - cells%start(:cells%elements))
     if (size(poor) > 0) call errors%add('I426', str(size(poor))//' elements of the free grains '// &

@@ -97,6 +97,7 @@ contains
       end if
       if (errors%any()) return
       self%o%sets%part = self%roles%part
+      self%o%sets%by_kind = .true.
       call make_overlap(self%o, run%solvers, run%choices, run%dynamic, reference, timers, errors)
       if (.not. errors%any()) call self%share(run, errors)
     end associate
@@ -211,6 +212,7 @@ contains
     allocate (fresh)
     call fresh%go_on_from(self%o)
     fresh%sets%part = self%roles%part
+    fresh%sets%by_kind = .true.
     fresh%map%base = carried%u
     call make_overlap(fresh, run%solvers, run%choices, run%dynamic, none, run%timers, errors)
     if (errors%any()) return
