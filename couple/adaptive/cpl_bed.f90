@@ -36,6 +36,7 @@ module cpl_bed
   contains
     procedure :: read => read_bed
     procedure :: begin => fit_to_parts
+    procedure :: forget
     procedure :: convert
     procedure, private :: wake
     procedure, private :: rest
@@ -66,7 +67,35 @@ contains
     end do
   end subroutine read_bed
 
-  !> At a fresh start: awake are the grains of opened elements and of those of ghosts.
+  !> Grains that sleep in elements that are not of continuum alone and hold others that are awake
+  !! have made room for the body: they never wake.
+  subroutine forget(self, roles, filled)
+    class(bed_type), intent(inout) :: self
+    type(roles_type), intent(in) :: roles
+    logical, intent(in) :: filled(:)  !! (elements)
+    logical :: gone(size(self%id))
+    integer(i4) :: k
+    do k = 1, size(gone)
+      associate (e => self%spot(k)%element)
+        gone(k) = e > 0
+        if (gone(k)) gone(k) = roles%part(e) /= part_rest .and. filled(e)
+      end associate
+    end do
+    call drop(self, gone)
+  end subroutine forget
+
+  !> Leave these out of the list.
+  subroutine drop(self, gone)
+    class(bed_type), intent(inout) :: self
+    logical, intent(in) :: gone(:)
+    integer(i4) :: k
+    self%id = pack(self%id, .not. gone)
+    self%spot = pack(self%spot, .not. gone)
+    self%x = self%x(:, pack([(k, k=1, size(gone))], .not. gone))
+  end subroutine drop
+
+  !> At a fresh start: awake are the grains of opened elements and of those of ghosts. Elements of
+  !! which some are awake are as the packing has them, others are filled.
   subroutine fit_to_parts(self, grains, roles, pack_of, cells, timers, errors)
     class(bed_type), intent(inout) :: self
     type(cpl_solver_type), intent(inout) :: grains
@@ -77,11 +106,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(spot_type) :: spot
     type(carried_type) :: still
-    logical :: leaving(size(pack_of%id)), bound(size(pack_of%id))
+    logical :: leaving(size(pack_of%id)), bound(size(pack_of%id)), filled(cells%elements)
     integer(i4) :: g
 
     leaving = .false.
     bound = .false.
+    filled = .false.
     do g = 1, size(leaving)
       if (pack_of%kind(g) /= free .and. pack_of%kind(g) /= ghost) cycle
       spot = spot_type()
@@ -89,12 +119,14 @@ contains
       if (spot%element == 0) cycle
       leaving(g) = roles%part(spot%element) == part_rest
       bound(g) = roles%part(spot%element) == part_ghost
+      filled(spot%element) = .true.
     end do
     allocate (still%u(3, cells%nodes), still%v(3, cells%nodes), source=0.0_wp)
     if (any(leaving)) call self%sleep(grains, pack(pack_of%id, leaving), timers, errors)
     if (errors%any()) return
     call self%read(grains, cells, timers, errors)
     if (errors%any()) return
+    call self%forget(roles, filled)
     call self%wake(grains, roles, cells, still, timers, errors)
     if (any(bound) .and. .not. errors%any()) &
       call send_kinds(grains, pack(pack_of%id, bound), ghost, timers, errors)
@@ -170,9 +202,7 @@ contains
     call grains%request%put(field_v, speed)
     call grains%ask(timers, errors)
     if (errors%any()) return
-    self%id = pack(self%id, .not. waking)
-    self%spot = pack(self%spot, .not. waking)
-    self%x = self%x(:, pack([(k, k=1, size(waking))], .not. waking))
+    call drop(self, waking)
   end subroutine wake
 
   !> RELAX the new free grains and free ones that are near to them.

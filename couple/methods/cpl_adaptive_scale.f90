@@ -88,6 +88,8 @@ contains
         call read_overlap_reference(run%checkpoint, run%state, reference, errors)
         if (.not. errors%any()) call read_parts(self, run, errors)
         if (.not. errors%any()) call self%bed%read(grains, plain%cells, timers, errors)
+        if (.not. errors%any()) call self%bed%forget(self%roles, spread(.true., 1, &
+                                                                        plain%cells%elements))
       else
         call self%roles%plan(plain%cells, 0.0_wp, spell(self, run), part)
         call move_alloc(part, self%roles%part)

@@ -23,6 +23,7 @@ module cpl_overlap_carry
     real(wp), allocatable :: total(:, :)        !! force on what is no prescribed node (3, nodes)
                                                 !! [N]; on those what free grains get of it
     integer(i4), allocatable :: was(:)          !! (nodes) was_...
+    integer(i4), allocatable :: part(:)         !! (elements) see cpl_sets
   end type carried_type
 
 contains
@@ -39,6 +40,7 @@ contains
     allocate (carried%u(3, o%cells%nodes), carried%v(3, o%cells%nodes), &
               carried%total(3, o%cells%nodes), source=0.0_wp)
     allocate (carried%was(o%cells%nodes), source=was_bulk)
+    carried%part = o%sets%part
     call select_nodes(o, solid, [(int(k, i8), k=1, o%cells%nodes)], timers, errors)
     if (errors%any()) return
     call solid%start_request(verb_kick_drift, o%step, solid%time, solid%time)
@@ -77,19 +79,25 @@ contains
     call solid%ask(timers, errors)
   end subroutine select_nodes
 
-  !> Loads that hold what jumps: what moved by itself before gets the force that it had, and so do
-  !! free grains by nodes that followed them before. Of nodes that follow free grains only now the
-  !! elements act on, strained since the start as they are, and the ghosts' part is held.
+  !> Loads that hold what jumps: what moves by itself gets the force that it had, and so do free
+  !! grains by nodes around which no element has changed its part. Of other nodes that follow free
+  !! grains the elements act, strained since the start as they are, and the ghosts' part is held:
+  !! what the changed elements carried the grains in them carry now.
   subroutine hold_difference(o, carried)
     type(overlap_type), intent(inout) :: o
     type(carried_type), intent(in) :: carried
     real(wp) :: f(3, o%op%nodes)
-    integer(i4) :: k, a
+    logical :: changed(o%cells%nodes)
+    integer(i4) :: k, a, e
+    changed = .false.
+    do e = 1, o%cells%elements
+      if (o%sets%part(e) /= carried%part(e)) changed(o%cells%nodes_of(e)) = .true.
+    end do
     do k = 1, o%op%nodes
       a = o%op%node(k)
       if (k > o%op%prescribed) then
         f(:, k) = carried%total(:, a) - o%forces%f(:, k) - o%forces%bulk(:, k)
-      else if (carried%was(a) == was_prescribed) then
+      else if (carried%was(a) == was_prescribed .and. .not. changed(a)) then
         f(:, k) = carried%total(:, a) - o%forces%f(:, k)
       else
         f(:, k) = o%forces%element(:, k) - o%forces%f(:, k)

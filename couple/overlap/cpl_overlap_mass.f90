@@ -13,7 +13,7 @@ module cpl_overlap_mass
   use cpl_elements, only: most_nodes, corner_count
   use cpl_fine_damping, only: ramp_from_ghosts
   use cpl_overlap, only: overlap_type
-  use cpl_sets, only: part_ghost, part_free
+  use cpl_sets, only: part_ghost, part_free, part_none
   implicit none
   private
   public :: share_mass, prescribed_shares, damp_fine_scale
@@ -152,7 +152,7 @@ contains
         n = size(node)
         call o%cells%shares(e, share)
         if (n > corner_count(o%cells%kind(e))) share(:n) = o%cells%volume(e)
-        if (o%sets%part(e) == part_free) then
+        if (o%sets%part(e) == part_free .or. o%sets%part(e) == part_none) then
           inside(node) = inside(node) + share(:n)
         else
           outside(node) = outside(node) + share(:n)
