@@ -5,7 +5,7 @@ module cpl_bed
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
   use talus_port_names, only: field_id, field_kind, field_moved, field_steps, field_substeps, &
-    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_kind
+    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_grains, what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_cells, only: cells_type, spot_type
@@ -38,6 +38,7 @@ module cpl_bed
     procedure :: begin => fit_to_parts
     procedure :: forget
     procedure :: convert
+    procedure :: leave_behind
     procedure, private :: wake
     procedure, private :: rest
     procedure, private :: sleep
@@ -160,6 +161,36 @@ contains
     self%change%awake = size(o%pack%id) + self%change%woken
     if (roles%rest_steps > 0) call self%rest(o, grains, roles, ids, timers, errors)
   end subroutine convert
+
+  !> Grains far behind the body leave, a layer before them is held: by their places now.
+  subroutine leave_behind(self, grains, roles, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    type(roles_type), intent(in) :: roles
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    integer(i4), allocatable :: kind(:)
+    real(wp), allocatable :: x(:, :), before(:)
+    logical, allocatable :: chosen(:)
+    integer(i4) :: k
+
+    if (.not. roles%keep_behind > 0.0_wp) return
+    call grains%describe(what_grains, '', timers, errors)
+    if (errors%any()) return
+    call grains%reply%take_int(field_id, ids, errors)
+    call grains%reply%take_int(field_kind, kind, errors)
+    call grains%reply%take(field_x, x, errors)
+    if (errors%any()) return
+    before = [(roles%far_behind(x(:, k), grains%time), k=1, size(ids))]
+    chosen = before < 0.0_wp .and. (kind == free .or. kind == ghost)
+    self%change%slept = count(chosen)
+    self%change%awake = self%change%awake - self%change%slept
+    if (any(chosen)) call self%sleep(grains, pack(ids, chosen), timers, errors)
+    if (errors%any()) return
+    chosen = before >= 0.0_wp .and. before < roles%hold_behind .and. kind == free
+    if (any(chosen)) call send_kinds(grains, pack(ids, chosen), ghost, timers, errors)
+  end subroutine leave_behind
 
   !> WAKE what sleeps in elements that are no longer of continuum alone: moved with the nodes.
   subroutine wake(self, grains, roles, cells, carried, timers, errors)

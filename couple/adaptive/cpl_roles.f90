@@ -4,7 +4,7 @@
 !! A plan depends on the time alone, so that a restart finds the same. Elements near the way of the
 !! body are opened: grains there are free. The outer layers of the opened elements keep nodes,
 !! which follow the free grains; in those inside there is no continuum. Layers around them hold
-!! ghosts. What was opened once stays open. eq. C.20
+!! ghosts. What was opened once stays open, or far behind the body holds nothing any more. eq. C.20
 module cpl_roles
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -30,6 +30,8 @@ module cpl_roles
     real(wp) :: rest_reach = 2.0_wp     !! others that may move with them, in largest diameters
     real(wp) :: unbalanced = 2.0e-4_wp  !! at which they are at rest
     integer(i4) :: most_grains = 0      !! awake
+    real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
+    real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
     integer(i4), allocatable :: start(:), element(:)  !! elements of each node
     integer(i4), allocatable :: part(:)       !! (elements) now
@@ -38,6 +40,7 @@ module cpl_roles
     procedure :: set_mesh
     procedure :: is_due
     procedure :: plan
+    procedure :: far_behind
     procedure, private :: is_near
     procedure, private :: grown
   end type roles_type
@@ -67,6 +70,8 @@ contains
     call deck%get('adapt', 1, 'rest_reach', self%rest_reach)
     call deck%get('adapt', 1, 'unbalanced', self%unbalanced)
     call deck%get('adapt', 1, 'most_grains', self%most_grains)
+    call deck%get('adapt', 1, 'keep_behind', self%keep_behind)
+    call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
@@ -159,7 +164,21 @@ contains
     part = merge(part_ghost, part_rest, ghost)
     part = merge(part_free, part, open)
     part = merge(part_none, part, inside)
+    if (.not. self%keep_behind > 0.0_wp) return
+    do e = 1, size(part)
+      if (self%far_behind(self%middle(:, e), time) < 0.0_wp) part(e) = part_none
+    end do
   end subroutine plan
+
+  !> How far a point lies before the plane behind which grains leave, along the way [m].
+  pure real(wp) function far_behind(self, x, time) result(before)
+    class(roles_type), intent(in) :: self
+    real(wp), intent(in) :: x(3), time  !! [m], [s]
+    real(wp) :: along(3)
+    along = self%velocity/norm2(self%velocity)
+    before = dot_product(along, x - self%centre - time*self%velocity) &
+             + dot_product(abs(along), self%half) + self%keep_behind
+  end function far_behind
 
   !> Is a point within free_within of the box on its way from time on for a spell? The distance is
   !! convex along the way: its least value is found by cutting the way.

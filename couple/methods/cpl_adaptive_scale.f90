@@ -31,8 +31,9 @@ module cpl_adaptive_scale
   private
   public :: adaptive_scale_type
 
-  character(len=17), parameter :: columns(15) = [character(len=17) :: 'time [s]', 'opened [-]', &
-    'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'awake [-]', 'rest_steps [-]', &
+  character(len=17), parameter :: columns(16) = [character(len=17) :: 'time [s]', 'opened [-]', &
+    'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
+    'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
     'momentum [kg m/s]', 'seconds [s]']
 
@@ -175,6 +176,8 @@ contains
     call carry_from(self%o, run%solvers(side_solid), carried, run%timers, errors)
     if (.not. errors%any()) call self%bed%convert(self%o, run%solvers(side_grains), self%roles, &
                                                   carried, run%timers, errors)
+    if (.not. errors%any()) call self%bed%leave_behind(run%solvers(side_grains), self%roles, &
+                                                       run%timers, errors)
     if (.not. errors%any()) call check_awake(self, t1, errors)
     if (.not. errors%any()) call renew(self, run, carried, errors)
     call run%timers%stop('conversions')
@@ -186,7 +189,8 @@ contains
       call self%note(t1, told, [change(:2), maxval(abs(self%o%forces%f_hold)), &
                                 norm2(change(3:)), wall_clock() - began], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
-        str(told%freed)//' ghosts are free, '//str(told%awake)//' are awake')
+        str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
+        ' are awake')
     end associate
     call renew_watch(self, run, errors)
   end subroutine convert
@@ -258,7 +262,8 @@ contains
     associate (part => self%roles%part)
       call self%history%write([time, real(count(part == part_free .or. part == part_none), wp), &
         real(count(part == part_none), wp), real(count(part == part_ghost), wp), &
-        real(change%woken, wp), real(change%freed, wp), real(change%awake, wp), &
+        real(change%woken, wp), real(change%freed, wp), real(change%slept, wp), &
+        real(change%awake, wp), &
         real(change%steps, wp), change%unbalanced, change%moved, numbers], errors)
       call self%history%flush(errors)
     end associate

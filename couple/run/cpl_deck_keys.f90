@@ -253,7 +253,7 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 11, &
+    call table%add_group('adapt', 13, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
@@ -319,6 +319,17 @@ contains
     call table%preset('0.0002')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('keep_behind', 'real', 'm', &
+      'Grains that are farther behind the box leave, and the continuum there with them;' &
+      //' 0: they stay.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('hold_behind', 'real', 'm', &
+      'Depth of the layer of grains before these that is held; two grains.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%add_key('most_grains', 'integer', '', 'Most grains that may be awake (N463).')
     call table%preset('200000')
     call table%bounds(min=1.0_wp)
