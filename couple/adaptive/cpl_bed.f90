@@ -5,7 +5,8 @@ module cpl_bed
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
   use talus_port_names, only: field_id, field_kind, field_moved, field_steps, field_substeps, &
-    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_grains, what_kind
+    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_grains, &
+    what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_cells, only: cells_type, spot_type

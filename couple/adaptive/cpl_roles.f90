@@ -33,6 +33,7 @@ module cpl_roles
     real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
+    real(wp), allocatable :: reach(:)         !! from there backwards along the way [m]
     integer(i4), allocatable :: start(:), element(:)  !! elements of each node
     integer(i4), allocatable :: part(:)       !! (elements) now
   contains
@@ -75,10 +76,10 @@ contains
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
-          o%initial /= 'dead_load' .or. o%moduli /= 'deck') &
+          o%initial /= 'dead_load' .or. o%moduli /= 'deck' .or. o%ghost_contacts /= 'step') &
         call deck%fault(errors, 'D460', 'grains follow a body with ghosts of the bridging '// &
-          "scale, partition = 'share', initial = 'dead_load' and the moduli of the deck alone", &
-          'adapt', 1, '', 'change &overlap')
+          "scale, partition = 'share', initial = 'dead_load', ghost_contacts = 'step' and the "// &
+          'moduli of the deck alone', 'adapt', 1, '', 'change &overlap')
       if (o%free_elements /= by_plan .or. o%ghost_elements /= by_plan) &
         call deck%fault(errors, 'D460', 'the plan of &adapt says which elements are whose', &
           'adapt', 1, '', "write free_elements = 'adapt', ghost_elements = 'adapt' in &overlap")
@@ -99,14 +100,18 @@ contains
     real(wp) :: last(3), room
     integer(i4) :: e, k, c
 
-    allocate (self%middle(3, cells%elements), self%start(cells%nodes + 1))
+    allocate (self%middle(3, cells%elements), self%reach(cells%elements), &
+              self%start(cells%nodes + 1))
     self%start = 0
     do e = 1, cells%elements
       associate (node => cells%nodes_of(e))
         self%middle(:, e) = sum(cells%x(:, node), 2)/size(node)
+        self%reach(e) = dot_product(self%velocity, self%middle(:, e)) &
+                        - minval(matmul(self%velocity, cells%x(:, node)))
         self%start(node + 1) = self%start(node + 1) + 1
       end associate
     end do
+    self%reach = self%reach/norm2(self%velocity)
     self%start(1) = 1
     do k = 1, cells%nodes
       self%start(k + 1) = self%start(k + 1) + self%start(k)
@@ -166,7 +171,8 @@ contains
     part = merge(part_none, part, inside)
     if (.not. self%keep_behind > 0.0_wp) return
     do e = 1, size(part)
-      if (self%far_behind(self%middle(:, e), time) < 0.0_wp) part(e) = part_none
+      if (self%far_behind(self%middle(:, e), time) - self%reach(e) < self%hold_behind) &
+        part(e) = part_none
     end do
   end subroutine plan
 

@@ -33,8 +33,8 @@ module cpl_sets
 
   !> Grains by their row in the pack, nodes by their id.
   type :: sets_type
-    logical :: by_kind = .false.               !! grains know whether they are ghosts: free ones that
-                                               !! have come into elements of ghosts stay free
+    logical :: by_kind = .false.               !! grains know whether they are ghosts: free ones in
+                                               !! elements of ghosts stay free
     integer(i4), allocatable :: part(:)        !! (elements) part_*
     integer(i4), allocatable :: free(:)        !! free grains under prescribed nodes
     integer(i4), allocatable :: ghost(:)

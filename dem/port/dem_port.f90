@@ -15,8 +15,8 @@ module dem_port
   use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
-  use dem_make, only: mass_of
   use dem_model, only: dem_model_type, program_name
+  use dem_system, only: dem_system_type
   use dem_sets, only: dem_sets_type, selection_type
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
@@ -33,9 +33,6 @@ module dem_port
     type(dem_model_type), allocatable :: model
     type(dem_sets_type) :: sets
     type(dem_clock_type) :: kept            !! clock of the last accepted state
-    real(wp), allocatable :: base_mass(:)   !! of the packing, before factors [kg]
-    real(wp), allocatable :: base_inertia(:, :)  !! [kg m^2]
-    real(wp), allocatable :: factor(:)      !! mass factors set through the port [-]
     integer(i8) :: late = 0                 !! late rebuilds reported so far
     logical :: held = .false.               !! driven grains and planes are at rest
     real(wp), allocatable :: held_v(:, :), held_omega(:, :)  !! of driven grains [m/s, rad/s]
@@ -95,36 +92,30 @@ contains
     character(len=*), intent(in) :: restart
     type(message_type), intent(inout) :: reply
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: base(:, :)
 
     associate (model => self%model)
       if (.not. self%greeted) then
+        base = base_of(model%system)
         if (len(model%options%restart) == 0) &
           model%options%restart = restart_file(restart, model%stem)
         call model%prepare(errors)
         if (errors%any()) return
-        call find_base(self)
+        if (.not. allocated(model%system%base)) call move_alloc(base, model%system%base)
         self%late = model%system%health%late_rebuilds
       end if
       call reply_hello(model, reply)
     end associate
   end subroutine hello
 
-  !> Masses and moments of inertia without factors: of the grains' volumes and densities.
-  subroutine find_base(self)
-    type(dem_server_type), intent(inout) :: self
-    real(wp), parameter :: same = 1.0e-12_wp
-    integer(i4) :: i
-    associate (g => self%model%system%grains, materials => self%model%system%materials)
-      self%base_mass = g%mass
-      self%base_inertia = g%inertia
-      self%factor = g%mass/mass_of(materials(g%material)%density, g%axes)
-      do i = 1, g%n
-        if (abs(self%factor(i) - 1.0_wp) <= same) self%factor(i) = 1.0_wp
-        self%base_mass(i) = g%mass(i)/self%factor(i)
-        self%base_inertia(:, i) = g%inertia(:, i)/self%factor(i)
-      end do
-    end associate
-  end subroutine find_base
+  !> Masses and moments of inertia now, (4, grains).
+  pure function base_of(system) result(base)
+    type(dem_system_type), intent(in) :: system
+    real(wp), allocatable :: base(:, :)
+    allocate (base(4, system%grains%n))
+    base(1, :) = system%grains%mass
+    base(2:, :) = system%grains%inertia
+  end function base_of
 
   !> After a change of kinds or masses before the first step: rebuild lists, forces and ledger.
   subroutine refresh(self, errors)
@@ -264,16 +255,14 @@ contains
     call carry_masses(self, ids)
   end subroutine repopulate
 
-  !> Masses of the packing and factors of the grains that were there; others have their own.
+  !> Masses without factors of the grains that were there; others have none yet.
   subroutine carry_masses(self, before)
     type(dem_server_type), intent(inout) :: self
     integer(i8), intent(in) :: before(:)  !! ids, rising
-    real(wp), allocatable :: mass(:), inertia(:, :), factor(:)
+    real(wp), allocatable :: base(:, :)
     integer(i4) :: i, j
+    base = base_of(self%model%system)
     associate (g => self%model%system%grains)
-      mass = g%mass
-      inertia = g%inertia
-      allocate (factor(g%n), source=1.0_wp)
       j = 1
       do i = 1, g%n
         do while (j < size(before))
@@ -281,15 +270,10 @@ contains
           j = j + 1
         end do
         if (j > size(before)) exit
-        if (before(j) /= g%id(i)) cycle
-        mass(i) = self%base_mass(j)
-        inertia(:, i) = self%base_inertia(:, j)
-        factor(i) = self%factor(j)
+        if (before(j) == g%id(i)) base(:, i) = self%model%system%base(:, j)
       end do
     end associate
-    call move_alloc(mass, self%base_mass)
-    call move_alloc(inertia, self%base_inertia)
-    call move_alloc(factor, self%factor)
+    call move_alloc(base, self%model%system%base)
   end subroutine carry_masses
 
   !> Masses and moments of inertia of a set, times a factor; only before the first step, after a
@@ -312,8 +296,9 @@ contains
     call request%get(field_value, value, errors)
     call request%all_read(errors)
     if (errors%any()) return
-    associate (index => self%sets%set(k)%index, g => self%model%system%grains)
-      if (all(abs(value - self%factor(index)) <= same*value)) return
+    associate (index => self%sets%set(k)%index, g => self%model%system%grains, &
+               base => self%model%system%base)
+      if (all(abs(value - g%mass(index)/base(1, index)) <= same*value)) return
       if ((self%model%clock%steps > 0 .and. .not. self%renewed) .or. &
           .not. all(value > 0.0_wp)) then
         call errors%add('P253', 'mass factors must be positive and be set before the first step', &
@@ -324,9 +309,8 @@ contains
       inertia = g%inertia
       do j = 1, size(index)
         i = index(j)
-        self%factor(i) = value(j)
-        mass(i) = value(j)*self%base_mass(i)
-        inertia(:, i) = value(j)*self%base_inertia(:, i)
+        mass(i) = value(j)*base(1, i)
+        inertia(:, i) = value(j)*base(2:, i)
       end do
       if (self%renewed) then
         call self%model%system%weigh(mass, inertia)

@@ -133,6 +133,8 @@ contains
       return
     end if
     none = .false.
+    call model%system%forget_weights(now == kind_free .and. &
+                                     model%system%grains%kind == kind_ghost)
     if (model%bed%active) then
       call springs_of_freed(model, now, springs)
       call model%system%leave(none, now, springs)

@@ -9,7 +9,7 @@ module dem_make
   implicit none
   private
   public :: make_grains, make_planes, sorted_order, allocate_grains, prescribe_some, &
-    is_prescribed, mass_of
+    is_prescribed
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   real(wp), parameter :: least_axis = 1.0e-60_wp  !! m; mass and inertia of less are no numbers
@@ -100,13 +100,6 @@ contains
     end do
     call few%finish('grains', errors)
   end subroutine check_grains
-
-  !> Masses of ellipsoids, or of grains of their volumes [kg].
-  pure function mass_of(density, axes) result(mass)
-    real(wp), intent(in) :: density(:), axes(:, :)  !! (n) [kg/m^3], (3, n) [m]
-    real(wp) :: mass(size(density))
-    mass = density*4.0_wp/3.0_wp*pi*product(axes, 1)
-  end function mass_of
 
   !> A quaternion of length 1, to 5e-4; far from it nothing is squared.
   pure logical function is_unit(quat)

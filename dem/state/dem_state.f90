@@ -267,6 +267,8 @@ module dem_state
     real(wp), allocatable :: surcharge_seen(:)     !! last update, dem_surcharge
     logical :: open = .false.                      !! grains may enter and leave
     integer(i8) :: last_id = 0                     !! largest id that was ever given, if open
+    real(wp), allocatable :: base(:, :)            !! (4, grains) mass and moments of inertia before
+                                                   !! a partner's factors [kg], [kg m^2]
     real(wp), allocatable :: fed(:, :)             !! (fed_size, sources) so far, dem_sources
     real(wp), allocatable :: drained(:, :)         !! (drained_size, sinks) so far, dem_sinks
     real(wp), allocatable :: window(:)             !! (window_size) so far, dem_window

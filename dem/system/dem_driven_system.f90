@@ -26,6 +26,7 @@ module dem_driven_system
     procedure :: set_extra        !! (index, force, moment): held on free grains
     procedure :: clear_extra      !! ()
     procedure :: set_weights      !! (ids(2,:), value(:)): contact weights by pair id
+    procedure :: forget_weights   !! (grains): their contacts count fully from the next list on
     procedure :: reset_impulses   !! (): impulses and work of grains and planes to zero
     procedure :: find             !! (ids, index, errors): grain indices of ids
   end type dem_driven_system_type
@@ -140,6 +141,25 @@ contains
       if (self%surfaces%n > 0) call list_near(self%dem_data_type)
     end if
   end subroutine set_weights
+
+  !> Contacts of these grains count fully from the next list on.
+  subroutine forget_weights(self, grains)
+    class(dem_driven_system_type), intent(inout) :: self
+    logical, intent(in) :: grains(:)
+    logical :: kept(self%weights%n)
+    integer(i4) :: k, j, i
+    if (self%weights%n == 0) return
+    kept = .true.
+    do k = 1, size(kept)
+      do j = 1, 2
+        i = index_of(self%dem_data_type, real(self%weights%id(j, k), wp))
+        if (i > 0) kept(k) = kept(k) .and. .not. grains(i)
+      end do
+    end do
+    self%weights%id = self%weights%id(:, pack([(k, k=1, size(kept))], kept))
+    self%weights%value = pack(self%weights%value, kept)
+    self%weights%n = count(kept)
+  end subroutine forget_weights
 
   !> Impulses and works of grains and planes to zero (start of an exchange).
   subroutine reset_impulses(self)

@@ -85,6 +85,7 @@ contains
     call archive%put_reals('sources.fed', d%fed)
     call archive%put_reals('sinks.drained', d%drained)
     if (allocated(d%window)) call archive%put_reals('window', reshape(d%window, [window_size, 1]))
+    if (allocated(d%base)) call archive%put_reals('grains.base', d%base)
   end subroutine put_open
 
   !> The same back.
@@ -101,6 +102,8 @@ contains
     call archive%get_reals('sources.fed', fed_size, sources, d%fed, errors)
     call archive%get_reals('sinks.drained', drained_size, sinks, d%drained, errors)
     if (allocated(d%window)) call archive%get_reals('window', window_size, 1, window, errors)
+    if (archive%find('grains.base') > 0) &
+      call archive%get_reals('grains.base', 4, d%grains%n, d%base, errors)
     if (errors%any()) return
     d%last_id = last(1, 1)
     if (allocated(d%window)) d%window = window(:, 1)
