@@ -14,7 +14,6 @@ module cpl_adaptive_scale
   use talus_history, only: history_type
   use talus_log, only: log_type, short_number
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_momentum
-  use talus_system, only: wall_clock
   use cpl_bed, only: bed_type, change_type
   use cpl_bridging_scale, only: bridging_scale_type
   use cpl_choices, only: cpl_choices_type
@@ -31,11 +30,11 @@ module cpl_adaptive_scale
   private
   public :: adaptive_scale_type
 
-  character(len=17), parameter :: columns(16) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=17), parameter :: columns(15) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
-    'momentum [kg m/s]', 'seconds [s]']
+    'momentum [kg m/s]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
@@ -140,7 +139,7 @@ contains
     call self%history%begin(run%stem//'_conversions.csv', columns, &
                             merge(run%begins, -1.0_wp, run%again), errors)
     if (.not. (run%again .or. errors%any())) &
-      call self%note(0.0_wp, change_type(awake=size(self%o%pack%id)), spread(0.0_wp, 1, 5), errors)
+      call self%note(0.0_wp, change_type(awake=size(self%o%pack%id)), spread(0.0_wp, 1, 4), errors)
   end subroutine start
 
   !> The row of the audit; then a conversion, if the plan is another one.
@@ -167,9 +166,8 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
-    real(wp) :: began, before(5), change(5)
+    real(wp) :: before(5), change(5)
 
-    began = wall_clock()
     run%solvers%time = t1
     before = totals(self%o)
     call run%timers%start('conversions')
@@ -187,7 +185,7 @@ contains
     self%conversions = self%conversions + 1
     associate (told => self%bed%change)
       call self%note(t1, told, [change(:2), maxval(abs(self%o%forces%f_hold)), &
-                                norm2(change(3:)), wall_clock() - began], errors)
+                                norm2(change(3:))], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
         str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
         ' are awake')
@@ -256,8 +254,7 @@ contains
     class(adaptive_scale_type), intent(inout) :: self
     real(wp), intent(in) :: time         !! [s]
     type(change_type), intent(in) :: change
-    real(wp), intent(in) :: numbers(5)   !! change of energies, held load, change of momentum,
-                                         !! seconds
+    real(wp), intent(in) :: numbers(4)   !! change of energies, held load, change of momentum
     type(error_list_type), intent(inout) :: errors
     associate (part => self%roles%part)
       call self%history%write([time, real(count(part == part_free .or. part == part_none), wp), &

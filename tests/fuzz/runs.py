@@ -19,6 +19,8 @@ from fuzzing import environment
 from talus.port_names import SCALARS
 
 sys.path.insert(0, str(Path(__file__).parents[1] / "faults/coupled"))
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+from opened_column import write  # noqa: E402
 from run import GRAINS, SOLID, alive, children, make_model  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
@@ -38,6 +40,15 @@ def model(folder: Path, t_end: float, transport: str = "shared_memory", limit: f
     (folder / "solid.nml").write_text(SOLID + OUTPUT)
     deck = folder / "coupled.nml"
     deck.write_text(deck.read_text().replace("time_limit = 3.0", f"time_limit = {limit}"))
+
+
+def opened_column(folder: Path, t_end: float) -> None:
+    """Write a coupled model in which grains wake and leave: a column that is opened."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
+    write(folder, ", keep_behind = 4.0e-3, hold_behind = 1.0e-3", 64)
+    deck = folder / "coupled.nml"
+    deck.write_text(deck.read_text().replace("t_end = 1.2e-4", f"t_end = {t_end:.6g}"))
 
 
 class Run:

@@ -16,15 +16,24 @@ from pathlib import Path
 import runs
 
 LIMIT = 25.0  # s for a run to end after a signal
-T_END = {"shared_memory": 0.05, "hdf5": 0.008}  # s; some two seconds of wall time
+ADAPT = "adapt"  # shared memory, grains wake and leave
+T_END = {"shared_memory": 0.05, "hdf5": 0.008, ADAPT: 4.0e-4}  # s; some two seconds of wall time
 SHORT = 0.4  # of it, and of the moments, without --long
 STOPS = [signal.SIGTERM, signal.SIGINT, signal.SIGHUP, signal.SIGQUIT]
+
+
+def model(folder: Path, share: float, transport: str) -> None:
+    """Write the model of a transport, or the one in which grains wake."""
+    if transport == ADAPT:
+        runs.opened_column(folder, 1.0e-6 * round(1.0e6 * share * T_END[transport]))
+    else:
+        runs.model(folder, share * T_END[transport], transport)
 
 
 def whole(given: Namespace, tally: runs.Tally, transport: str) -> tuple:
     """Return exit code and result of a run that nobody disturbs."""
     folder = given.scratch / f"whole-{transport}"
-    runs.model(folder, given.share * T_END[transport], transport)
+    model(folder, given.share, transport)
     code, text = runs.Run(given.bin, folder).end(120.0)
     tally.check(f"whole run over {transport} ends, code {code}", code in (0, 2), text)
     left = runs.remains(folder)
@@ -69,7 +78,7 @@ def expected(program: str, number: int, good: int | None) -> set[int | None]:
 def one(given: Namespace, tally: runs.Tally, name: str, folder: Path, trial: tuple) -> None:
     """One trial: transport, program, signal, moment [s], and what a whole run gives."""
     transport, program, number, moment, (good, bits) = trial
-    runs.model(folder, given.share * T_END[transport], transport)
+    model(folder, given.share, transport)
     run = runs.Run(given.bin, folder)
     disturb(run, program, number, moment)
     code, text = run.end(LIMIT)
