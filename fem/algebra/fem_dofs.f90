@@ -3,23 +3,29 @@
 !! element interpolates it (the corner nodes of mixed pairs, all nodes of equal orders). The
 !! micro-deformation of micromorphic bodies has three at these nodes, its columns.
 !!
-!! Blocks 1 to `nodes` are the displacements of nodes 1 to `nodes`; micro-rotations follow. All
-!! arrays of state, loads and supports are (3, blocks), so that u and phi share procedures.
+!! Blocks 1 to `nodes` are the displacements of nodes 1 to `nodes`; micro-rotations follow, and then
+!! the pressures of the pore liquid, one a block in its first component, at the corner nodes of
+!! elements that have one. All arrays of state, loads and supports are (3, blocks), so that the
+!! fields share procedures.
 module fem_dofs
   use talus_kinds, only: i4
   use fem_halo, only: fem_halo_type
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: fem_dofs_type, number_fields, blocks_of
+  public :: fem_dofs_type, number_fields, number_pressures, blocks_of
 
   type :: fem_dofs_type
     integer(i4) :: nodes = 0, blocks = 0
+    integer(i4) :: solid = 0              !! blocks without the pressures
     integer(i4) :: parts = 1              !! blocks of the second field at a node
     integer(i4), allocatable :: phi(:)    !! (nodes) first block of the second field, 0 where none
     integer(i4), allocatable :: node(:)   !! (blocks) node of each block
     integer(i4), allocatable :: start(:)  !! (elements + 1) first entry of each element in `block`
     integer(i4), allocatable :: block(:)  !! of each element: u of all its nodes, then phi
+    integer(i4), allocatable :: p(:)      !! (nodes) block of the pressure, 0 where none
+    integer(i4), allocatable :: wet_start(:)  !! (elements + 1) first entry of each in `wet`
+    integer(i4), allocatable :: wet(:)    !! pressures of each element; given with `p` alone
     type(fem_halo_type) :: halo           !! ranks that have a part of the elements each
   end type fem_dofs_type
 
@@ -66,7 +72,37 @@ contains
         end do
       end do
     end do
+    dofs%solid = dofs%blocks
   end subroutine number_fields
+
+  !> Number the pressures after the other fields; `corners` is how many of an element's nodes, from
+  !! the first, have one: its corners, or none in elements without a liquid.
+  subroutine number_pressures(mesh, corners, dofs)
+    type(fem_mesh_type), intent(in) :: mesh
+    integer(i4), intent(in) :: corners(:)  !! (elements)
+    type(fem_dofs_type), intent(inout) :: dofs
+    integer(i4) :: e, n, k
+
+    allocate (dofs%p(mesh%nodes), source=0)
+    allocate (dofs%wet_start(mesh%elements + 1), dofs%wet(sum(corners)))
+    dofs%wet_start(1) = 1
+    do e = 1, mesh%elements
+      k = mesh%start(e)
+      dofs%p(mesh%node(k:k + corners(e) - 1)) = 1
+      dofs%wet_start(e + 1) = dofs%wet_start(e) + corners(e)
+    end do
+    do n = 1, mesh%nodes
+      if (dofs%p(n) == 0) cycle
+      dofs%blocks = dofs%blocks + 1
+      dofs%p(n) = dofs%blocks
+    end do
+    dofs%node = [dofs%node, pack([(n, n=1, mesh%nodes)], dofs%p > 0)]
+    do e = 1, mesh%elements
+      k = mesh%start(e)
+      dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1) = &
+        dofs%p(mesh%node(k:k + corners(e) - 1))
+    end do
+  end subroutine number_pressures
 
   !> Blocks of element e.
   pure function blocks_of(dofs, e) result(list)

@@ -154,6 +154,7 @@ contains
     n = 0
     do i = 1, dofs%nodes
       call take(node_at(i))
+      if (allocated(dofs%p)) call take_pressure(dofs%p(node_at(i)))
       if (dofs%phi(node_at(i)) == 0) cycle
       do c = 1, dofs%parts
         call take(dofs%phi(node_at(i)) + c - 1)
@@ -171,6 +172,11 @@ contains
         order(self%equation(c, block)) = n
       end do
     end subroutine take
+
+    subroutine take_pressure(block)
+      integer(i4), intent(in) :: block  !! 0: none
+      if (block > 0) call take(block)
+    end subroutine take_pressure
   end subroutine elimination
 
   !> Factor K + mass_factor M (blocks of the pattern); of general matrices `lower` has the blocks

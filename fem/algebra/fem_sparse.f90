@@ -58,6 +58,10 @@ contains
           do a = dofs%start(e), dofs%start(e + 1) - 1
             call take(dofs%block(a))
           end do
+          if (.not. allocated(dofs%wet)) cycle
+          do a = dofs%wet_start(e), dofs%wet_start(e + 1) - 1
+            call take(dofs%wet(a))
+          end do
         end do
         if (pass == 2) call sort(pattern%column(pattern%start(n):total))
       end do
@@ -81,26 +85,46 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     integer(i4), allocatable, intent(out) :: first(:), list(:)
     integer(i4), allocatable :: next(:)
-    integer(i4) :: e, a, n
+    integer(i4) :: e, n, wet
 
-    allocate (first(dofs%blocks + 1), list(size(dofs%block)))
+    wet = 0
+    if (allocated(dofs%wet)) wet = size(dofs%wet)
+    allocate (first(dofs%blocks + 1), list(size(dofs%block) + wet))
     first = 0
-    do a = 1, size(dofs%block)
-      first(dofs%block(a) + 1) = first(dofs%block(a) + 1) + 1
-    end do
+    call count_blocks(dofs%block, first)
+    if (allocated(dofs%wet)) call count_blocks(dofs%wet, first)
     first(1) = 1
     do n = 1, dofs%blocks
       first(n + 1) = first(n) + first(n + 1)
     end do
     next = first
     do e = 1, size(dofs%start) - 1
-      do a = dofs%start(e), dofs%start(e + 1) - 1
-        n = dofs%block(a)
-        list(next(n)) = e
-        next(n) = next(n) + 1
-      end do
+      call enter(dofs%block(dofs%start(e):dofs%start(e + 1) - 1), e, next, list)
+      if (allocated(dofs%wet)) &
+        call enter(dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), e, next, list)
     end do
   end subroutine elements_of_blocks
+
+  !> Count how often each block n is in a list, in count_of(n + 1).
+  pure subroutine count_blocks(block, count_of)
+    integer(i4), intent(in) :: block(:)
+    integer(i4), intent(inout) :: count_of(:)
+    integer(i4) :: a
+    do a = 1, size(block)
+      count_of(block(a) + 1) = count_of(block(a) + 1) + 1
+    end do
+  end subroutine count_blocks
+
+  !> Enter element e at its blocks.
+  pure subroutine enter(block, e, next, list)
+    integer(i4), intent(in) :: block(:), e
+    integer(i4), intent(inout) :: next(:), list(:)
+    integer(i4) :: a
+    do a = 1, size(block)
+      list(next(block(a))) = e
+      next(block(a)) = next(block(a)) + 1
+    end do
+  end subroutine enter
 
   !> Insertion sort; rows have about fourteen entries (hex8).
   pure subroutine sort(list)

@@ -8,6 +8,7 @@ module fem_newton
   use fem_body, only: fem_body_type
   use fem_law, only: at_dissipated
   use fem_follower, only: follower_force, add_follower_stiffness
+  use fem_pore_element, only: fem_flow_energy_type
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
   implicit none
@@ -22,6 +23,7 @@ module fem_newton
   real(wp), parameter :: slack = 0.8_wp          !! |du'R| after over before that is good enough
   real(wp), parameter :: shortest = 0.1_wp       !! step of the line search
   real(wp), parameter :: diverged = 1.0e4_wp     !! residual over the first one
+  real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
   real(wp), parameter :: complete = 1.0e-12_wp   !! share of the step that may be left
 
   !> Start and target of a part of a step.
@@ -37,6 +39,7 @@ module fem_newton
     real(wp) :: weight_before = 0.0_wp                    !! share of gravity at the start
     character(len=:), allocatable :: reason               !! why it did not converge
     logical :: inverted = .false.                         !! an element turned inside out
+    real(wp) :: leak = 0.0_wp                             !! liquid out of balance, of what moves
   end type part_type
 
 contains
@@ -149,13 +152,13 @@ contains
     real(wp), dimension(3, self%dofs%blocks) :: residual, du
     real(wp), parameter :: loaded = 1.0e-2_wp, empty = 1.0e-6_wp  !! of the largest loads
     real(wp) :: first, size_of, scale, search, forces(2)
-    integer(i4) :: bad
     logical :: emptied
 
     emptied = .false.
     associate (s => self%state)
       s%time = t0 + part%after*(t1 - t0)
       part%dt = s%time - self%accepted%time
+      call self%pore%begin(self%loads%curve, self%accepted%time, s%time)
       part%dead = part%load + part%after*(part%goal_load - part%load)
       s%external = part%dead
       s%u = self%accepted%u
@@ -166,14 +169,15 @@ contains
       if (.not. good) return
       do iterations = 1, self%newton%most_iterations
         call measure(self, part, residual, size_of, scale)
+        call measure_leak(self, residual, part%leak)
         if (iterations == 1) then
           first = size_of
           forces = scale
         end if
         forces(2) = scale
         if (.not. self%scheme%dynamic) scale = max(scale, self%newton%largest)
-        call note(self, part, iterations, size_of, scale, sum(du*residual), search)
-        good = size_of <= self%newton%tolerance*scale
+        call note(self, part, iterations, size_of, scale, work_on(self, du, residual), search)
+        good = max(size_of, part%leak*scale) <= self%newton%tolerance*scale
         emptied = good .and. forces(1) > loaded*scale .and. forces(2) < empty*scale
         if (emptied) good = .false.
         if (good .or. emptied .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
@@ -183,14 +187,31 @@ contains
         call line_search(self, part, du, .true., residual, search, good)
         if (.not. good) return
       end do
-      bad = int(maxloc(sum(residual**2, 1), 1), i4)
-      if (.not. good) part%reason = 'the residual is '//str(size_of/max(scale, tiny(1.0_wp)))// &
-        ' of loads and reactions after '//str(iterations)//' iterations, most at node '// &
-        str(bad)//', element '//str(element_at(self, bad))
+      if (.not. good) call blame_balance(self, part, residual, iterations, size_of/max(scale, &
+        tiny(1.0_wp)))
       if (emptied) part%reason = 'loads and reactions fall to nothing in one step'
       if (good) call finish(self, part, size_of, scale)
     end associate
   end subroutine try_part
+
+  !> Why a part did not converge: forces or the liquid out of balance, and where.
+  subroutine blame_balance(self, part, residual, iterations, ratio)
+    type(fem_body_type), intent(in) :: self
+    type(part_type), intent(inout) :: part
+    real(wp), intent(in) :: residual(:, :), ratio
+    integer(i4), intent(in) :: iterations
+    integer(i4) :: bad, n
+    n = self%dofs%solid
+    if (part%leak > ratio) then
+      bad = self%dofs%node(n + int(maxloc(abs(residual(1, n + 1:)), 1), i4))
+      part%reason = 'the liquid out of balance is '//str(part%leak)//' of what moves'
+    else
+      bad = int(maxloc(sum(residual(:, :n)**2, 1), 1), i4)
+      part%reason = 'the residual is '//str(ratio)//' of loads and reactions'
+    end if
+    part%reason = part%reason//' after '//str(iterations)//' iterations, most at node '// &
+      str(bad)//', element '//str(element_at(self, bad))
+  end subroutine blame_balance
 
   !> Displacements by the tangent of the accepted state: prescribed ones to their values, the others
   !! follows.
@@ -236,7 +257,10 @@ contains
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(in) :: part
     integer(i4) :: k
+    if (same_matrix(self, part)) return
     call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%system%pattern, &
+      self%system%k, self%system%lower)
+    call self%pore%add_matrix(self%mesh, self%dofs, self%elastic, self%system%pattern, &
       self%system%k, self%system%lower)
     call add_springs(self%supports%ground, self%system%pattern, self%system%k, self%system%lower)
     if (allocated(self%loads%follower)) then
@@ -252,6 +276,14 @@ contains
     end if
     call add_springs(self%port%robin, self%system%pattern, self%system%k, self%system%lower)
   end subroutine assemble
+
+  !> Are the factors those of this part? Only a linear solid with a liquid keeps them.
+  pure logical function same_matrix(self, part)
+    type(fem_body_type), intent(in) :: self
+    type(part_type), intent(in) :: part
+    same_matrix = self%pore%constant .and. self%system%factored_dt >= 0.0_wp .and. &
+      abs(part%dt - self%system%factored_dt) <= same_step*part%dt
+  end function same_matrix
 
   !> Share of a pressure that follows the surface, in the part [-].
   pure real(wp) function follower_now(part, k)
@@ -271,13 +303,16 @@ contains
     real(wp) :: rate, mass_term
     du = 0.0_wp
     mass_term = 0.0_wp
-    if (self%scheme%dynamic) then
-      rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta*part%dt)
-      mass_term = 1.0_wp/(self%scheme%beta*part%dt**2) + rate*self%damping%mass
-      call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
+    if (.not. same_matrix(self, part)) then
+      if (self%scheme%dynamic) then
+        rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta*part%dt)
+        mass_term = 1.0_wp/(self%scheme%beta*part%dt**2) + rate*self%damping%mass
+        call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
+      end if
+      call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
+        mass_term, errors, self%system%lower)
+      if (self%pore%constant) call self%system%keep_factors(part%dt)
     end if
-    call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
-      mass_term, errors, self%system%lower)
     if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
     good = .not. errors%any()
     if (good) good = is_finite(sum(abs(du)))
@@ -297,6 +332,7 @@ contains
     real(wp) :: springs(3, self%dofs%blocks)
     call self%matter%update(self%mesh, self%dofs, self%elastic, self%accepted%u + moved, moved, &
                             internal, bad)
+    call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, moved, internal)
     if (self%supports%ground%n == 0) return
     call spring_force(self%supports%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
     internal = internal - springs
@@ -353,7 +389,7 @@ contains
     start = 0.0_wp
     if (seek) start = self%state%u - self%accepted%u
     before = 0.0_wp
-    if (seek) before = sum(du*residual)
+    if (seek) before = work_on(self, du, residual)
     share = 1.0_wp
     do k = 1, most_searches
       call inner_force(self, start + share*du, internal, bad)
@@ -364,7 +400,7 @@ contains
         cycle
       end if
       call balance(self, part, start + share*du, internal, residual)
-      after = sum(du*residual)
+      after = work_on(self, du, residual)
       if (.not. seek .or. abs(after) <= slack*abs(before) .or. share <= shortest) exit
       if (k == most_searches .or. after*before >= before**2) exit
       share = max(shortest, share*max(0.1_wp, before/(before - after)))
@@ -372,6 +408,17 @@ contains
     self%state%u = self%accepted%u + start + share*du
     if (.not. good) call blame(self, part)
   end subroutine line_search
+
+  !> Work of a residual on a correction; the rows of pressures, which are negative, count positive,
+  !! so that the work of a stable body falls on the way [J].
+  pure real(wp) function work_on(self, du, residual)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: du(:, :), residual(:, :)
+    integer(i4) :: n
+    n = self%dofs%solid
+    work_on = sum(du(:, :n)*residual(:, :n))
+    if (self%pore%active) work_on = work_on - sum(du(1, n + 1:)*residual(1, n + 1:))
+  end function work_on
 
   !> The element that dissipates most in the trial, as a text; '' where none does.
   pure function most_yielding(self) result(text)
@@ -404,9 +451,11 @@ contains
     real(wp), intent(out) :: size_of, scale
     real(wp), parameter :: floor_of = 1.0e-6_wp
     real(wp) :: momentum(3, self%dofs%blocks), stiffest
-    size_of = sqrt(sum(residual**2))
-    scale = sum(merge(part%raw**2, self%state%external**2, self%supports%held &
-      .or. self%port%prescribed))
+    integer(i4) :: n
+    n = self%dofs%solid
+    size_of = sqrt(sum(residual(:, :n)**2))
+    scale = sum(merge(part%raw(:, :n)**2, self%state%external(:, :n)**2, &
+                      self%supports%held(:, :n) .or. self%port%prescribed(:, :n)))
     if (self%scheme%dynamic) then
       call multiply_mass(self%system%pattern, self%system%mass, self%state%v, momentum)
       scale = scale + sum(part%inertia**2) + sum((floor_of/part%dt*momentum)**2)
@@ -419,6 +468,16 @@ contains
       scale = max(scale, stiffest*round_off(self)/self%newton%tolerance)
     end if
   end subroutine measure
+
+  !> Volume of liquid out of balance over that which the balances of the nodes sum.
+  subroutine measure_leak(self, residual, leak)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out) :: leak
+    leak = 0.0_wp
+    if (self%pore%active) leak = norm2(residual(1, self%dofs%solid + 1:)) &
+      /max(norm2(self%pore%gross), tiny(1.0_wp))
+  end subroutine measure_leak
 
   !> Norm of displacements that deformation gradients of finite strain cannot tell from none [m]:
   !! some units in the last place of 1 over an element, at every node.
@@ -448,7 +507,7 @@ contains
       end if
       n%rows = n%rows + 1
       n%table(:, n%rows) = [self%state%time, part%after - part%before, real(iteration, wp), &
-        size_of/max(scale, tiny(1.0_wp)), abs(work), share, 0.0_wp, 0.0_wp]
+        max(part%leak, size_of/max(scale, tiny(1.0_wp))), abs(work), share, 0.0_wp, 0.0_wp]
       call self%count_yielding(n%table(newton_columns - 1:, n%rows))
     end associate
   end subroutine note
@@ -459,9 +518,11 @@ contains
     type(part_type), intent(in) :: part
     real(wp), intent(in) :: size_of, scale
     real(wp) :: moved(3, self%dofs%blocks), weight(2), share
+    integer(i4) :: n
     associate (s => self%state, old => self%accepted, e => self%energy)
       share = 1.0_wp
       if (self%scheme%dynamic) share = 1.0_wp - self%scheme%lag
+      n = self%dofs%solid
       s%reaction = merge(-part%raw/share, 0.0_wp, self%supports%held .or. self%port%prescribed)
       if (scale > 0.0_wp) self%residual = max(self%residual, size_of/scale)
       if (.not. self%scheme%dynamic) self%newton%largest = max(self%newton%largest, scale)
@@ -472,11 +533,31 @@ contains
       call self%matter_energy()
       e%load = e%load + 0.5_wp*sum(moved*(s%external + old%external))
       e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%system%weight_force)
-      e%support = e%support + 0.5_wp*sum(moved*(s%reaction + old%reaction))
+      e%support = e%support + 0.5_wp*sum(moved(:, :n)*(s%reaction(:, :n) + old%reaction(:, :n)))
       if (self%port%robin%n > 0) e%spring = e%spring + 0.5_wp*sum(moved*(s%tie + old%tie))
     end associate
+    if (self%pore%active) call finish_flow(self)
     if (self%scheme%dynamic) call finish_motion(self, part, moved)
   end subroutine finish
+
+  !> Books and energies of the pore liquid: work of the mean pressure on what entered, and of the
+  !! weight of the liquid on its flow.
+  subroutine finish_flow(self)
+    type(fem_body_type), intent(inout) :: self
+    type(fem_flow_energy_type) :: energy
+    associate (s => self%state, old => self%accepted, e => self%energy, p => self%pore)
+      call p%account(self%mesh, self%dofs, self%elastic, old%u, s%u, energy)
+      call p%enter(-s%reaction(1, :))
+      e%liquid = energy%stored
+      e%darcy = e%darcy + energy%darcy
+      e%flow = e%flow + energy%fall + 0.5_wp*sum((s%u(1, self%dofs%solid + 1:) &
+        + old%u(1, self%dofs%solid + 1:))*(p%step%dt*p%rate(self%dofs%solid + 1:) &
+        - s%reaction(1, self%dofs%solid + 1:)))
+      p%books%numerical = p%accepted_books%numerical + energy%numerical
+      e%numerical = e%numerical + p%books%numerical  ! statics have the sum, dynamics the step's
+      if (self%scheme%dynamic) e%numerical = e%numerical - p%accepted_books%numerical
+    end associate
+  end subroutine finish_flow
 
   !> Kinetic energy, damping and numerical dissipation of the scheme.
   subroutine finish_motion(self, part, moved)

@@ -38,10 +38,11 @@ contains
     integer(i4) :: i
     if (.not. allocated(self%system%pattern%start)) then
       call make_pattern(self%dofs, self%system%pattern)
-      call share_pattern(self%dofs, self%system%pattern)
+      if (.not. self%pore%active) call share_pattern(self%dofs, self%system%pattern)
     end if
     if (self%matter%active) then
       call self%matter%prepare(self%mesh, self%dofs, self%elastic)
+      call prepare_pore(self)
       if (.not. allocated(self%system%k)) &
         allocate (self%system%k(3, 3, size(self%system%pattern%column)), source=0.0_wp)
     else
@@ -66,6 +67,19 @@ contains
     call self%limit_step()
     call self%system%forget_factors()
   end subroutine assemble
+
+  !> The pore liquid; moduli are those of the first points, with laws that depend on stress.
+  subroutine prepare_pore(self)
+    type(fem_body_type), intent(inout) :: self
+    real(wp) :: moduli(6, self%mesh%elements)
+    integer(i4) :: e
+    if (.not. self%pore%active) return
+    do e = 1, self%mesh%elements
+      moduli(:, e) = self%matter%law(self%matter%law_of(e))%law%moduli_at( &
+        self%matter%accepted_stress(:, self%elastic%point(e)))
+    end do
+    call self%pore%prepare(self%dofs, moduli, self%accepted%u)
+  end subroutine prepare_pore
 
   !> Stiffness of the accepted state where laws have a state.
   subroutine assemble_tangent(self)
@@ -156,6 +170,7 @@ contains
     if (errors%any()) return
     self%system%solver%mumps%general = self%matter%active .and. .not. self%matter%symmetric
     self%system%solver%mumps%indefinite = self%matter%active
+    self%system%solver%mumps%pivoting = self%pore%active
     call self%system%solver%number(self%dofs, self%system%pattern, fixed, errors)
     if (.not. errors%any()) self%system%fresh_numbering = .true.
   end subroutine number

@@ -83,6 +83,8 @@ contains
       return
     end if
     call self%matter%update(self%mesh, self%dofs, self%elastic, u, u - self%accepted%u, force, bad)
+    call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, &
+                         u - self%accepted%u, force)
     if (self%supports%ground%n == 0) return
     allocate (springs, mold=u)
     call spring_force(self%supports%ground, 0.0_wp*u, u, springs)

@@ -12,6 +12,7 @@ module fem_body_state
   use fem_one_point, only: fem_one_point_type
   use fem_parts, only: fem_scheme_type, fem_loads_type, fem_supports_type, fem_port_values_type, &
     fem_system_type, fem_limit_type, fem_newton_type, fem_kept_type
+  use fem_pore, only: fem_pore_type
   use fem_rigid, only: place_rigid, push_rigid
   use fem_stages, only: fem_stages_type
   use fem_types, only: fem_mesh_type, fem_state_type, fem_energy_type
@@ -26,6 +27,7 @@ module fem_body_state
     type(fem_whole_type) :: whole                !! mesh behind the parts of several ranks
     type(fem_elastic_type) :: elastic            !! moduli, quadrature and densities of elements
     type(fem_matter_type) :: matter              !! points whose laws have a state
+    type(fem_pore_type) :: pore                  !! liquid in the pores
     type(fem_stages_type) :: stages              !! elements that are removed and placed
     type(fem_scheme_type) :: scheme              !! what the analysis requires
     type(fem_newton_type) :: newton              !! iteration for the equilibrium of `matter`
@@ -89,6 +91,7 @@ contains
         u(m%component, m%block) = value
       end associate
     end do
+    call self%pore%impose(self%loads%curve, t, u)
     if (.not. allocated(self%supports%rigid)) return
     do k = 1, size(self%supports%rigid)
       call place_rigid(self%supports%rigid(k), self%loads%curve, self%mesh%x, t, u)
@@ -188,6 +191,7 @@ contains
     call self%energy%keep_largest()
     self%accepted_energy = self%energy
     call self%matter%accept()
+    call self%pore%accept()
     call self%accept_rigid()
   end subroutine hand_over
 
@@ -214,6 +218,7 @@ contains
     call self%energy%keep_largest()
     self%accepted_energy = self%energy
     call self%matter%accept()
+    call self%pore%accept()
     call self%accept_rigid()
   end subroutine accept
 

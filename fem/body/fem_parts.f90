@@ -82,6 +82,7 @@ module fem_parts
     logical :: fresh_numbering = .false.
     real(wp) :: cost_quotient = -1.0_wp          !! factors over conjugate gradients, < 0 not known
   contains
+    procedure :: keep_factors
     procedure :: forget_factors
     procedure :: forget_numbers
   end type fem_system_type
@@ -171,6 +172,13 @@ contains
     real(wp), intent(in) :: share
     self%given_u = from + share*(to - from)
   end subroutine move_along
+
+  !> The factors are those of steps dt.
+  subroutine keep_factors(self, dt)
+    class(fem_system_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    self%factored_dt = dt
+  end subroutine keep_factors
 
   !> The factors are those of another matrix from now on.
   subroutine forget_factors(self)

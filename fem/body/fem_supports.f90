@@ -135,7 +135,7 @@ contains
         if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
       end do
     end do
-    do i = mesh%nodes + 1, dofs%blocks
+    do i = mesh%nodes + 1, dofs%solid
       motion = turning(dofs, i)
       do c = 1, 3
         if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))

@@ -35,6 +35,7 @@ module fem_rules
     real(wp), allocatable :: phi(:, :)         !! (rotations, n)
     real(wp), allocatable :: phi_slope(:, :, :)
     real(wp), allocatable :: corner(:, :)      !! (corners, n) of the corner element
+    real(wp), allocatable :: corner_slope(:, :, :)  !! (3, corners, n) by natural coordinates
     real(wp), allocatable :: fine_slope(:, :, :)  !! (3, nodes, points) for mean gradients
   end type fem_points_type
 
@@ -150,7 +151,7 @@ contains
   subroutine evaluate(kind, rotations_kind, order, at)
     integer(i4), intent(in) :: kind, rotations_kind, order
     type(fem_points_type), intent(out) :: at
-    real(wp), allocatable :: points(:, :), slope(:, :)
+    real(wp), allocatable :: points(:, :)
     integer(i4) :: q, m, r
 
     call quadrature_rule(kind, order, points, at%weight)
@@ -160,10 +161,11 @@ contains
     if (rotations_kind > 0) r = node_count(rotations_kind)
     allocate (at%u(m, at%n), at%u_slope(3, m, at%n), at%phi(r, at%n), at%phi_slope(3, r, at%n))
     m = node_count(corner_kind(kind))
-    allocate (at%corner(m, at%n), slope(3, m))
+    allocate (at%corner(m, at%n), at%corner_slope(3, m, at%n))
     do q = 1, at%n
       call shape_functions(kind, points(:, q), at%u(:, q), at%u_slope(:, :, q))
-      call shape_functions(corner_kind(kind), points(:, q), at%corner(:, q), slope)
+      call shape_functions(corner_kind(kind), points(:, q), at%corner(:, q), &
+                           at%corner_slope(:, :, q))
       if (r > 0) call shape_functions(rotations_kind, points(:, q), at%phi(:, q), &
                                       at%phi_slope(:, :, q))
     end do

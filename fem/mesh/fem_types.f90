@@ -83,6 +83,9 @@ module fem_types
     real(wp) :: start = 0.0_wp      !! kinetic energy of the initial velocities
     real(wp) :: plastic = 0.0_wp    !! dissipated by plastic flow so far
     real(wp) :: largest = 0.0_wp    !! size of the largest of these at any accepted state
+    real(wp) :: liquid = 0.0_wp     !! elastic energy of the pore liquid now
+    real(wp) :: darcy = 0.0_wp      !! dissipated by its flow so far
+    real(wp) :: flow = 0.0_wp       !! work of pressures on what entered, and of weight on the flow
   contains
     procedure :: keep_largest
   end type fem_energy_type
@@ -93,6 +96,7 @@ contains
   pure subroutine keep_largest(self)
     class(fem_energy_type), intent(inout) :: self
     self%largest = max(self%largest, abs(self%load), abs(self%support), abs(self%strain), &
-                       abs(self%kinetic), abs(self%plastic))
+                       abs(self%kinetic), abs(self%plastic), abs(self%liquid), abs(self%darcy), &
+                       abs(self%flow))
   end subroutine keep_largest
 end module fem_types

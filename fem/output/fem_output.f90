@@ -16,6 +16,7 @@ module fem_output
   use fem_cells, only: put_cells, describe_cells
   use fem_elastic, only: classical
   use fem_mm_output, only: describe_micro, put_micro, chi_names, chi_values
+  use fem_output_pore, only: describe_pore, put_pore, pore_ledger, pore_titles, write_pore
   use fem_output_state, only: put_states, describe_states, newton_titles, write_newton
   use fem_rigid, only: moment_of
   use fem_recover, only: point_stress, mean_stress, nodal_stress, point_positions, nodal_rotation
@@ -33,7 +34,7 @@ module fem_output
     real(wp) :: last_field = -1.0_wp                           !! time of the last field step [s]
     logical :: points = .false.                                  !! stress at points is written
     integer(i4), allocatable :: support(:)                     !! groups whose reactions are written
-    type(history_type) :: energy, reactions, newton, rigid, table
+    type(history_type) :: energy, reactions, newton, rigid, table, pore
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -109,6 +110,7 @@ contains
       call append_string(columns, trim(ledger(k)))
     end do
     if (body%matter%active) call append_string(columns, 'plastic [J]')
+    if (body%pore%active) call pore_ledger(columns)
     call append_string(columns, 'closure [J]')
     call self%energy%begin(stem//'_energy.csv', columns, start_time, errors)
     deallocate (columns)
@@ -136,6 +138,8 @@ contains
       end do
     end do
     call self%reactions%begin(stem//'_reactions.csv', columns, start_time, errors)
+    if (body%pore%active) &
+      call self%pore%begin(stem//'_pore.csv', pore_titles(body), start_time, errors)
     if (allocated(body%supports%rigid)) call self%rigid%begin(stem//'_rigid.csv', &
       rigid_columns(body), start_time, errors)
     if (.not. body%matter%active .or. body%scheme%explicit) return
@@ -198,6 +202,7 @@ contains
       return
     end if
     if (body%matter%active) call describe_states(body, self%xdmf)
+    if (body%pore%active) call describe_pore(body, self%xdmf)
     call self%xdmf%attribute('u', 'u', xdmf_node, 3)
     call self%xdmf%attribute('v', 'v', xdmf_node, 3)
     call self%xdmf%attribute('reaction', 'reaction', xdmf_node, 3)
@@ -304,7 +309,10 @@ contains
     associate (e => body%accepted_energy, t => body%accepted%time)
       works = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, &
                e%numerical]
-      if (body%matter%active) then
+      if (body%pore%active) then
+        call self%energy%write([works, e%plastic, e%liquid, e%darcy, e%flow, closure(body)], errors)
+        call write_pore(body, self%pore, errors)
+      else if (body%matter%active) then
         call self%energy%write([works, e%plastic, closure(body)], errors)
       else
         call self%energy%write([works, closure(body)], errors)
@@ -337,8 +345,8 @@ contains
   pure real(wp) function closure(body)
     type(fem_body_type), intent(in) :: body
     associate (e => body%accepted_energy)
-      closure = e%start + e%load + e%support + e%spring - e%strain - e%kinetic - e%damping &
-                - e%numerical - e%plastic
+      closure = e%start + e%load + e%support + e%spring + e%flow - e%strain - e%kinetic &
+                - e%damping - e%numerical - e%plastic - e%liquid - e%darcy
     end associate
   end function closure
 
@@ -391,6 +399,7 @@ contains
     if (c > classical) call write_rotations(body, nodal, step, errors)
     if (self%points) call write_points(body, stress, step, errors)
     if (body%matter%active) call put_states(body, self%points, step%file, step%group, errors)
+    if (body%pore%active) call put_pore(body, mean, step%file, step%group, errors)
     if (step%leads) call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
     if (step%leads) call self%xdmf%write(self%series, errors)
   end subroutine write_fields
@@ -408,7 +417,9 @@ contains
     call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
     call step%put('phi_rate', nodal(:3, :), errors)
     nodal(:3, :) = 0.0_wp
-    nodal(:3, body%dofs%node(n + 1:)) = body%accepted%reaction(:, n + 1:)
+    associate (last => body%dofs%solid)
+      nodal(:3, body%dofs%node(n + 1:last)) = body%accepted%reaction(:, n + 1:last)
+    end associate
     call step%put('reaction_couple', nodal(:3, :), errors)
   end subroutine write_rotations
 
@@ -466,6 +477,7 @@ contains
     if (self%reactions%is_open()) call self%reactions%flush(errors)
     if (self%newton%is_open()) call self%newton%flush(errors)
     if (self%rigid%is_open()) call self%rigid%flush(errors)
+    if (self%pore%is_open()) call self%pore%flush(errors)
     if (self%table%is_open()) call self%table%flush(errors)
   end subroutine flush_output
 
@@ -476,6 +488,7 @@ contains
     if (self%reactions%is_open()) call self%reactions%close(errors)
     if (self%newton%is_open()) call self%newton%close(errors)
     if (self%rigid%is_open()) call self%rigid%close(errors)
+    if (self%pore%is_open()) call self%pore%close(errors)
     if (self%table%is_open()) call self%table%close(errors)
   end subroutine close_output
 end module fem_output

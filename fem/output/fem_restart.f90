@@ -60,6 +60,7 @@ contains
         call file%put('/state/step_limit', body%limit%step, errors)
       end if
     end associate
+    if (body%pore%active) call put_liquid(file, body, errors)
     if (allocated(body%supports%rigid)) call file%put('/state/rigid', &
       reshape([(body%supports%rigid(k)%accepted_d, &
       body%supports%rigid(k)%accepted_v, k=1, size(body%supports%rigid))], [6, &
@@ -107,13 +108,8 @@ contains
       call file%get_into('/state/port_load', body%port%port_load, errors)
       call file%get_into('/state/given_u', body%port%given_u, errors)
       call file%get_into('/state/energy', energy, errors)
-      if (body%matter%active) then
-        call file%get('/state/largest_force', body%newton%largest, errors)
-        call get_points(file, '/state/point_stress', body, body%matter%stress, errors)
-        call get_points(file, '/state/point_state', body, body%matter%state, errors)
-        call file%get('/state/leaps', leaps, errors)
-        call file%get('/state/step_limit', body%limit%step, errors)
-      end if
+      if (body%matter%active) call get_matter(file, body, leaps, errors)
+      if (body%pore%active) call get_liquid(file, body, errors)
       if (allocated(body%supports%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
@@ -122,7 +118,8 @@ contains
     body%state%time = info%time
     call body%take_energy(fem_energy_type(energy(1), energy(2), energy(3), energy(4), energy(5), &
                                           energy(6), energy(7), energy(8), energy(9), &
-                                          energy(10), energy(11)))
+                                          energy(10), energy(11), body%energy%liquid, &
+                                          body%energy%darcy, body%energy%flow))
     steps = info%step
     if (body%matter%active) body%limit%leaps = nint(leaps, i8)
     deck_changed = info%deck_hash /= checkpoint%deck_hash
@@ -206,6 +203,54 @@ contains
     allocate (state, source=body%matter%accepted_state)
     call body%whole%collect_points(state)
   end subroutine give_points
+
+  !> State of the points, and what steps need beside it.
+  subroutine get_matter(file, body, leaps, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(fem_body_type), intent(inout) :: body
+    real(wp), intent(inout) :: leaps
+    type(error_list_type), intent(inout) :: errors
+    call file%get('/state/largest_force', body%newton%largest, errors)
+    call get_points(file, '/state/point_stress', body, body%matter%stress, errors)
+    call get_points(file, '/state/point_state', body, body%matter%state, errors)
+    call file%get('/state/leaps', leaps, errors)
+    call file%get('/state/step_limit', body%limit%step, errors)
+  end subroutine get_matter
+
+  !> Energies, books and start of the pore liquid.
+  subroutine put_liquid(file, body, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    associate (e => body%accepted_energy, b => body%pore%accepted_books)
+      call file%put('/state/liquid', [e%liquid, e%darcy, e%flow, b%content, b%numerical, &
+                                      b%through, b%entered, b%rate], errors)
+      call file%put('/state/liquid_start', body%pore%start, errors)
+    end associate
+  end subroutine put_liquid
+
+  subroutine get_liquid(file, body, errors)
+    type(h5_file_type), intent(inout) :: file
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: values(:)
+    integer(i4) :: n
+    n = int(size(body%pore%books%entered), i4)
+    allocate (values(6 + 2*n))
+    call file%get_into('/state/liquid', values, errors)
+    call file%get_into('/state/liquid_start', body%pore%start, errors)
+    if (errors%any()) return
+    associate (e => body%energy, b => body%pore%books)
+      e%liquid = values(1)
+      e%darcy = values(2)
+      e%flow = values(3)
+      b%content = values(4)
+      b%numerical = values(5)
+      b%through = values(6)
+      b%entered = values(7:6 + n)
+      b%rate = values(7 + n:)
+    end associate
+  end subroutine get_liquid
 
   !> Free shifts of rigid groups.
   subroutine read_rigid(file, body, errors)

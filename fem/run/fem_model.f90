@@ -18,6 +18,7 @@ module fem_model
   use talus_timers, only: timers_type
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
+  use fem_consolidation, only: short_step_warning
   use fem_deck_keys, only: fem_deck_table
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
@@ -97,6 +98,8 @@ contains
     if (errors%any()) return
     call element_warnings(self)
     if (self%served) call self%analysis%check_port(self%deck, errors)
+    if (self%served .and. self%body%pore%active) call self%deck%fault(errors, 'D446', &
+      'a coupled run has no pore pressures', 'pore', 1, '', 'leave &pore out under talus-couple')
     call self%analysis%read_times(self%deck, self%served, errors)
     call read_storage(self%deck, folder_of(self%options%deck), self%body%system%solver)
     if (.not. self%ranks%several() .or. errors%any()) return
@@ -113,6 +116,7 @@ contains
     what = self%analysis%one_rank()
     if (self%served) what = 'a coupled run requires'
     if (self%body%matter%micro%active) what = 'micromorphic solids require'
+    if (self%body%pore%active) what = 'pore pressures require'
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
       str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
   end subroutine refuse_ranks
@@ -148,6 +152,7 @@ contains
     call self%analysis%after_matrices(self%deck, self%body, self%warnings, errors)
     call self%timers%stop('assembly')
     if (errors%any()) return
+    call warn_short_step(self)
     call self%deck%get('checkpoint', 1, 'keep', keep)
     call self%checkpoint%init(self%stem, program_name, self%deck%hash(), keep)
     if (len(self%options%restart) > 0 .and. .not. self%options%check) &
@@ -162,6 +167,14 @@ contains
     end if
     call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
   end subroutine prepare
+
+  !> Steps that consolidation does not resolve.
+  subroutine warn_short_step(self)
+    class(fem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: text
+    text = short_step_warning(self%body, self%analysis%dt)
+    if (len(text) > 0) call append_string(self%warnings, text)
+  end subroutine warn_short_step
 
   !> The state of the requested checkpoint, if there is one.
   subroutine restart_from(self, errors)

@@ -11,6 +11,7 @@ module fem_run_files
   use fem_judgement, only: judge_health
   use fem_model, only: fem_model_type, program_name
   use fem_output, only: energy_error
+  use fem_output_pore, only: balance_error
   implicit none
   private
   public :: open_run, finish_run, log_row, log_factors
@@ -88,7 +89,7 @@ contains
     type(fem_model_type), intent(inout) :: model
     model%row_step = model%steps
     call model%log%row([model%body%accepted%time, real(model%steps, wp), &
-                       sqrt(maxval(sum(model%body%accepted%u**2, 1))), &
+                       sqrt(maxval(sum(model%body%accepted%u(:, :model%body%dofs%solid)**2, 1))), &
                        model%body%accepted_energy%strain, model%body%accepted_energy%kinetic, &
                        energy_error(model%body)])
   end subroutine log_row
@@ -159,6 +160,8 @@ contains
     call summary%set('health.factorisations', model%body%system%solver%factorisations)
     if (model%body%system%solver%iterative) call summary%set('health.iterations', &
       model%body%system%solver%cg%iterations)
+    if (model%body%pore%active) &
+      call summary%set('health.liquid_balance', balance_error(model%body))
     call model%analysis%summarise(model%body, summary)
     call summary%set_timers(model%timers)
     call summary%set_errors(errors)

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 34)
+    call table%init('talus-fem', 39)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -36,6 +36,11 @@ contains
     call group_point_load(table)
     call group_spring(table)
     call group_analysis(table)
+    call group_fluid(table)
+    call group_pore(table)
+    call group_pore_pressure(table)
+    call group_flux(table)
+    call group_water_table(table)
     call group_initial_stress(table)
     call group_geostatic(table)
     call group_stage(table)
@@ -787,7 +792,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 27, &
+    call table%add_group('analysis', 28, &
       'What is computed, and in which steps.', required=.true.)
     call table%one_of('frequencies|frequency_range')
     call table%add_key('kind', 'string', '', &
@@ -834,6 +839,14 @@ contains
 
   subroutine group_analysis_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('theta', 'real', '', &
+      'Share of the end of a step in the flow of pore liquid: 1 is Euler''s backward ' &
+      //'rule, of first order and without oscillations in time, 1/2 the trapezoidal rule,' &
+      //' of second order, which oscillates after a load that comes at once.')
+    call table%preset('1.0')
+    call table%bounds(min=0.5_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('kind', 'static')
     call table%add_key('rayleigh_mass', 'real', '1/s', &
       'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')
@@ -867,6 +880,11 @@ contains
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%words('auto', [0.0_wp])
     call table%only_with('kind', 'explicit')
+    call group_analysis_3(table)
+  end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which are reused' &
       //' by any number of steps; `iterative` by conjugate gradients with an incomplete ' &
@@ -877,11 +895,6 @@ contains
     call table%preset('auto')
     call table%allow('auto|direct|iterative')
     call table%only_with('kind', 'static')
-    call group_analysis_3(table)
-  end subroutine group_analysis_2
-
-  subroutine group_analysis_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('factors', 'string', '', &
       'Where the factors of the direct solver are kept; `auto`: in memory, on disk ' &
       //'where it does not suffice.')
@@ -911,6 +924,11 @@ contains
     call table%bounds(min=2.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%needs('frequency_range')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('loss_factor', 'real', '', &
       'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
     call table%preset('0.0')
@@ -923,11 +941,6 @@ contains
       //'supported and moved groups always are.')
     call table%sized(1_i4, 99_i4)
     call table%only_with('kind', 'harmonic')
-    call group_analysis_4(table)
-  end subroutine group_analysis_3
-
-  subroutine group_analysis_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('modes', 'integer', '', &
       'Number of modes of `modal`, from the lowest; rigid motions count.')
     call table%preset('10')
@@ -956,6 +969,11 @@ contains
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
     call table%only_with('kind', 'static|newmark|hht')
+    call group_analysis_5(table)
+  end subroutine group_analysis_4
+
+  subroutine group_analysis_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('continuation', 'string', '', &
       'How `static` of laws with a state advances: `load`, to the loads and motions of ' &
       //'the next time; `arc_length`, along the path of equilibrium with the load as an ' &
@@ -972,11 +990,6 @@ contains
     call table%magnitude(1e-20_wp, 1.0_wp)
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
-    call group_analysis_5(table)
-  end subroutine group_analysis_4
-
-  subroutine group_analysis_5(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('arc_growth', 'real', '', &
       'Length of an arc over the first one, at most.')
     call table%preset('1.0')
@@ -992,6 +1005,106 @@ contains
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
   end subroutine group_analysis_5
+
+  subroutine group_fluid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('fluid', 4, 'A liquid that fills pores.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name of the liquid.')
+    call table%need()
+    call table%add_key('density', 'real', 'kg/m3', 'Density, which gravity acts on.')
+    call table%preset('1000.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
+    call table%add_key('viscosity', 'real', 'Pa s', 'Dynamic viscosity.')
+    call table%preset('0.001')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-09_wp, 1000000000000.0_wp)
+    call table%add_key('bulk_modulus', 'real', 'Pa', &
+      'Bulk modulus; 0: the liquid is incompressible.')
+    call table%preset('2200000000.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+  end subroutine group_fluid
+
+  subroutine group_pore(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('pore', 6, &
+      'The pores of a material and the liquid that fills them: its elements have a pore' &
+      //' pressure p at their corner nodes, compression positive. The stress of the law ' &
+      //'is the effective one, `density` of the material is that of the dry solid, (1 - ' &
+      //'porosity) times that of its grains.', repeats=.true.)
+    call table%add_key('material', 'string', '', &
+      'Id of a `&material` of small strains, classical or micropolar.')
+    call table%need()
+    call table%add_key('fluid', 'string', '', 'Id of a `&fluid`.')
+    call table%need()
+    call table%add_key('porosity', 'real', '', 'Volume of the pores over that of the solid.')
+    call table%need()
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%add_key('permeability', 'real', 'm2', &
+      'Intrinsic permeability k, that of Darcy''s w = -(k/viscosity)(grad p - rho g); ' &
+      //'one value, or those along x, y and z.')
+    call table%need()
+    call table%sized(1_i4, 3_i4)
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 100000000000000.0_wp)
+    call table%add_key('biot', 'real', '', &
+      'Biot''s coefficient alpha, total stress = effective stress - alpha p; 1 of grains' &
+      //' that are stiff beside the skeleton.')
+    call table%preset('1.0')
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%add_key('solid_bulk', 'real', 'Pa', &
+      'Bulk modulus of the grains; 0: they are rigid. The content of liquid grows with ' &
+      //'porosity/K_f + (biot - porosity)/K_s by pressure.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+  end subroutine group_pore
+
+  subroutine group_pore_pressure(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('pore_pressure', 4, &
+      'A pore pressure that is held in a group; faces where none is held and that have ' &
+      //'no `&flux` are impervious. Where groups share nodes the last one counts.', repeats=.true.)
+    call table%one_of('value|head')
+    call table%add_key('group', 'string', '', 'Facet, node or volume group.')
+    call table%need()
+    call table%add_key('value', 'real', 'Pa', &
+      'The pressure over that of the atmosphere; or give a head.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('head', 'real', 'm', &
+      'Height of a level of the liquid, against gravity: p = rho g (head - height).')
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales the pressure; without one it is constant.')
+    call table%preset('')
+  end subroutine group_pore_pressure
+
+  subroutine group_flux(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('flux', 3, 'Liquid that enters through facets.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('value', 'real', 'm/s', 'Volume by area and time, inward positive.')
+    call table%need()
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_flux
+
+  subroutine group_water_table(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('water_table', 1, &
+      'Pore pressures at the start under a level of the liquid: rho g times the depth ' &
+      //'below it, above it the same, negative. Without it they are zero.')
+    call table%add_key('level', 'real', 'm', &
+      'Height of the level, along the direction against gravity.')
+    call table%need()
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+  end subroutine group_water_table
 
   subroutine group_initial_stress(table)
     type(key_table_type), intent(inout) :: table

@@ -15,6 +15,7 @@ module fem_setup
   use fem_setup_analysis, only: read_analysis, read_absorbing
   use fem_setup_matter, only: read_matter
   use fem_setup_micro, only: read_double_forces, read_ties, chi_component
+  use fem_setup_pore, only: read_skeletons, number_wet, read_liquid
   use fem_setup_rigid, only: read_rigid
   use fem_setup_stages, only: read_stages
   use fem_setup_sections, only: read_sections, check_ids
@@ -42,12 +43,16 @@ contains
     call read_analysis(deck, body, analysis, errors)
     call read_sections(deck, body, errors)
     if (errors%any()) return
+    call read_skeletons(deck, body, errors)
+    if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs, &
                        merge(phi_columns, 1_i4, body%matter%micro%active))
+    call number_wet(body)
     call body%allocate_state()
     call read_curves(deck, 'D304', body%loads%curve, errors)
     call read_supports(deck, body, errors)
     call read_motions(deck, body, errors)
+    call read_liquid(deck, body, errors)
     call read_rigid(deck, body, errors)
     call read_initial(deck, body, errors)
     call read_tractions(deck, body, errors)

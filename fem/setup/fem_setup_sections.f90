@@ -82,7 +82,7 @@ contains
       call fill_section(deck, body, s, g, material(m), owner, errors)
       body%matter%law_of(body%mesh%group(g)%element) = m
       body%matter%active = body%matter%active .or. material(m)%stateful .or. &
-        deck%count('stage') > 0
+        deck%count('stage') + deck%count('pore') > 0
     end do
     call choose_micro(deck, body, material, errors)
     if (.not. all(owner > 0) .and. .not. errors%any()) &

@@ -1,0 +1,323 @@
+!> The liquid in the pores of a body: which elements have one, pressures that are held, inflow
+!! through faces; forces, matrices and contents of a step, and the books of what entered. Elements
+!! are those of fem_pore_element.
+module fem_pore
+  use talus_kinds, only: wp, i4, i8
+  use talus_curve, only: curve_type
+  use fem_dofs, only: fem_dofs_type
+  use fem_elastic, only: fem_elastic_type
+  use fem_pore_element, only: fem_skeleton_type, fem_wet_type, fem_flow_step_type, &
+    fem_flow_energy_type, fem_flow_change_type, wet_shape, wet_force, wet_matrix, wet_energy, &
+    wet_content, wet_size, darcy_flow
+  use fem_scatter, only: add_flow
+  use fem_sparse, only: fem_pattern_type
+  use fem_types, only: fem_mesh_type, name_length
+  implicit none
+  private
+  public :: fem_pore_type, fem_held_pressure_type, fem_inflow_type, fem_pore_books_type
+
+  integer(i4), parameter :: chunks = 64       !! of elements, whatever the number of threads
+  real(wp), parameter :: least = 1.0e-5_wp    !! share of volumes that cancel in a balance's size
+
+  !> Pressures that the deck prescribes at some nodes.
+  type :: fem_held_pressure_type
+    character(len=name_length) :: name = ''
+    integer(i4) :: curve = 0                !! 0: constant
+    integer(i4), allocatable :: block(:)
+    real(wp), allocatable :: value(:)       !! [Pa]
+  end type fem_held_pressure_type
+
+  !> Liquid that enters through facets.
+  type :: fem_inflow_type
+    character(len=name_length) :: name = ''
+    integer(i4) :: curve = 0
+    real(wp) :: factor = 1.0_wp             !! of the curve in the step
+    real(wp), allocatable :: rate(:)        !! (blocks) [m^3/s]
+  end type fem_inflow_type
+
+  !> What entered so far, by held groups and then by inflows, and what is there.
+  type :: fem_pore_books_type
+    real(wp), allocatable :: entered(:)     !! [m^3]
+    real(wp), allocatable :: rate(:)        !! of the last step [m^3/s]
+    real(wp) :: content = 0.0_wp            !! beyond that of the start [m^3]
+    real(wp) :: numerical = 0.0_wp          !! dissipated by the integration of the flow [J]
+    real(wp) :: through = 0.0_wp            !! sum of what passed any face, either way [m^3]
+  end type fem_pore_books_type
+
+  type :: fem_pore_type
+    logical :: active = .false.
+    logical :: constant = .false.           !! the matrix depends on the length of a step alone
+    logical :: resting = .false.            !! pressures stay: equilibrium without time
+    type(fem_flow_step_type) :: step
+    type(fem_skeleton_type), allocatable :: skeleton(:)
+    integer(i4), allocatable :: skeleton_of(:)  !! (elements) 0: no liquid
+    real(wp), allocatable :: shear(:)       !! (elements) that steadies equal orders [Pa]
+    real(wp), allocatable :: confined(:)    !! (elements) oedometric moduli at the start [Pa]
+    type(fem_held_pressure_type), allocatable :: held(:)
+    type(fem_inflow_type), allocatable :: inflow(:)
+    real(wp), allocatable :: rate(:)        !! (blocks) inflow of the step [m^3/s]
+    real(wp), allocatable :: start(:, :)    !! (3, blocks) state that contents count from
+    type(fem_pore_books_type) :: books, accepted_books
+    real(wp), allocatable :: gross(:)       !! (blocks) sizes of what a step's balance sums [m^3]
+  contains
+    procedure :: prepare
+    procedure :: impose
+    procedure :: begin
+    procedure :: force
+    procedure :: add_matrix
+    procedure :: account
+    procedure :: enter
+    procedure :: accept
+    procedure :: element_flow
+  end type fem_pore_type
+
+contains
+
+  !> Moduli that steady equal orders, and the state that contents count from.
+  subroutine prepare(self, dofs, moduli, u)
+    class(fem_pore_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    real(wp), intent(in) :: moduli(:, :)  !! (6, elements)
+    real(wp), intent(in) :: u(:, :)       !! (3, blocks) [m], [Pa]
+    if (.not. self%active) return
+    self%shear = moduli(2, :) + 0.5_wp*moduli(3, :)
+    self%confined = moduli(1, :) + 2.0_wp*moduli(2, :) + moduli(3, :)
+    self%start = u
+    if (allocated(self%rate)) return
+    allocate (self%rate(dofs%blocks), self%gross(dofs%blocks), source=0.0_wp)
+    allocate (self%books%entered(size(self%held) + size(self%inflow)), source=0.0_wp)
+    self%books%rate = self%books%entered
+    self%accepted_books = self%books
+  end subroutine prepare
+
+  !> Put the held pressures at time t into u.
+  subroutine impose(self, curve, t, u)
+    class(fem_pore_type), intent(in) :: self
+    type(curve_type), intent(in) :: curve(:)
+    real(wp), intent(in) :: t
+    real(wp), intent(inout) :: u(:, :)
+    integer(i4) :: k
+    if (.not. allocated(self%held)) return
+    do k = 1, size(self%held)
+      associate (h => self%held(k))
+        u(1, h%block) = h%value
+        if (h%curve > 0) u(1, h%block) = curve(h%curve)%at(t)*h%value
+      end associate
+    end do
+  end subroutine impose
+
+  !> A step from t0 to t1: its length and the inflow.
+  subroutine begin(self, curve, t0, t1)
+    class(fem_pore_type), intent(inout) :: self
+    type(curve_type), intent(in) :: curve(:)
+    real(wp), intent(in) :: t0, t1  !! [s]
+    integer(i4) :: k
+    if (.not. self%active) return
+    self%step%dt = t1 - t0
+    self%rate = 0.0_wp
+    do k = 1, size(self%inflow)
+      associate (i => self%inflow(k), theta => self%step%theta)
+        if (i%curve > 0) i%factor = theta*curve(i%curve)%at(t1) &
+          + (1.0_wp - theta)*curve(i%curve)%at(t0)
+        self%rate = self%rate + i%factor*i%rate
+      end associate
+    end do
+  end subroutine begin
+
+  !> Add internal forces to the rows of displacements [N], and to those of pressures the inflow less
+  !! the content gained in a step from the state `old` [m^3].
+  subroutine force(self, mesh, dofs, elastic, old, moved, total)
+    class(fem_pore_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: old(:, :), moved(:, :)  !! (3, blocks)
+    real(wp), intent(inout) :: total(:, :)
+    real(wp), allocatable :: nodal(:, :), flow(:), gross(:)
+    integer(i4) :: c, k
+    if (.not. self%active) return
+    allocate (nodal(3, size(dofs%block)), flow(size(dofs%wet)), gross(size(dofs%wet)), &
+      source=0.0_wp)
+    !$omp parallel do default(none) private(c) schedule(dynamic) &
+    !$omp shared(self, mesh, dofs, elastic, old, moved, nodal, flow, gross)
+    do c = 1, chunks
+      call chunk_forces(self, mesh, dofs, elastic, old, moved, c)
+    end do
+    !$omp end parallel do
+    do k = 1, size(dofs%block)
+      total(:, dofs%block(k)) = total(:, dofs%block(k)) + nodal(:, k)
+    end do
+    self%gross = abs(self%step%dt*self%rate)
+    total(1, :) = total(1, :) + self%step%dt*self%rate
+    do k = 1, size(dofs%wet)
+      total(1, dofs%wet(k)) = total(1, dofs%wet(k)) + flow(k)
+      self%gross(dofs%wet(k)) = self%gross(dofs%wet(k)) + abs(flow(k)) + least*gross(k)
+    end do
+
+  contains
+
+    subroutine chunk_forces(self, mesh, dofs, elastic, old, moved, c)
+      class(fem_pore_type), intent(in) :: self
+      type(fem_mesh_type), intent(in) :: mesh
+      type(fem_dofs_type), intent(in) :: dofs
+      type(fem_elastic_type), intent(in) :: elastic
+      real(wp), intent(in) :: old(:, :), moved(:, :)
+      integer(i4), intent(in) :: c
+      type(fem_wet_type) :: wet
+      type(fem_flow_change_type) :: change
+      integer(i4) :: e, rule
+      rule = 0
+      do e = first_of(c, mesh%elements), first_of(c + 1_i4, mesh%elements) - 1
+        if (self%skeleton_of(e) == 0) cycle
+        call shape_of(self, mesh, elastic, e, rule, wet)
+        associate (n => elastic%rule(rule)%nodes, a => dofs%start(e), b => dofs%wet_start(e), &
+                   m => dofs%wet_start(e + 1) - 1)
+          associate (block => dofs%block(a:a + n - 1), p => dofs%wet(b:m), &
+                     s => self%skeleton(self%skeleton_of(e)))
+            change%moved = moved(:, block)
+            change%p = reshape([old(1, p), old(1, p) + moved(1, p)], [int(m - b + 1), 2])
+            call wet_force(elastic%rule(rule), s, wet, self%step, change, &
+                           nodal(:, a:a + n - 1), flow(b:m))
+            gross(b:m) = wet_size(s, wet, self%step, change%p)
+          end associate
+        end associate
+      end do
+    end subroutine chunk_forces
+  end subroutine force
+
+  !> First of n elements of chunk c.
+  pure integer(i4) function first_of(c, n)
+    integer(i4), intent(in) :: c, n
+    first_of = int((c - 1)*int(n, i8)/chunks, i4) + 1
+  end function first_of
+
+  !> Element e at its points; `rule` is that of the element before, and then its own.
+  pure subroutine shape_of(self, mesh, elastic, e, rule, wet)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    integer(i4), intent(inout) :: rule
+    type(fem_wet_type), intent(inout) :: wet
+    if (elastic%rule_of(e) /= rule .and. allocated(wet%slope)) then
+      deallocate (wet%slope, wet%volume, wet%steady)
+      deallocate (wet%shape%u, wet%shape%phi, wet%shape%weight)
+    end if
+    rule = elastic%rule_of(e)
+    call wet_shape(elastic%rule(rule), mesh%x(:, mesh%node(mesh%start(e):mesh%start(e) &
+                   + elastic%rule(rule)%nodes - 1)), self%shear(e), wet)
+  end subroutine shape_of
+
+  !> Add the slopes of `force` to a matrix in blocks of the pattern.
+  subroutine add_matrix(self, mesh, dofs, elastic, pattern, k, lower)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
+    type(fem_wet_type) :: wet
+    real(wp), allocatable :: coupling(:, :), flow(:, :)
+    integer(i4) :: e, rule
+    if (.not. self%active) return
+    rule = 0
+    do e = 1, mesh%elements
+      if (self%skeleton_of(e) == 0) cycle
+      call shape_of(self, mesh, elastic, e, rule, wet)
+      associate (n => elastic%rule(rule)%nodes, m => elastic%rule(rule)%corners)
+        if (allocated(flow)) deallocate (coupling, flow)
+        allocate (coupling(3*n, m), flow(m, m))
+        call wet_matrix(elastic%rule(rule), self%skeleton(self%skeleton_of(e)), wet, self%step, &
+                        coupling, flow)
+        call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
+          dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), pattern, coupling, flow, k, lower)
+      end associate
+    end do
+  end subroutine add_matrix
+
+  !> Energies of a step to the state `u`, and the content there beyond that of the start [m^3].
+  subroutine account(self, mesh, dofs, elastic, old, u, energy)
+    class(fem_pore_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: old(:, :), u(:, :)  !! (3, blocks)
+    type(fem_flow_energy_type), intent(out) :: energy
+    type(fem_flow_energy_type) :: part
+    type(fem_wet_type) :: wet
+    integer(i4) :: e, rule
+    rule = 0
+    self%books%content = 0.0_wp
+    do e = 1, mesh%elements
+      if (self%skeleton_of(e) == 0) cycle
+      call shape_of(self, mesh, elastic, e, rule, wet)
+      associate (r => elastic%rule(rule), s => self%skeleton(self%skeleton_of(e)), &
+                 p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
+                 block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
+        part = wet_energy(r, s, wet, self%step, reshape([old(1, p), u(1, p)], [size(p), 2]))
+        self%books%content = self%books%content + wet_content(r, s, wet, &
+          u(:, block) - self%start(:, block), u(1, p) - self%start(1, p))
+      end associate
+      energy%stored = energy%stored + part%stored
+      energy%darcy = energy%darcy + part%darcy
+      energy%fall = energy%fall + part%fall
+      energy%numerical = energy%numerical + part%numerical
+    end do
+  end subroutine account
+
+  !> Book what entered in the step; `raw` has the volume that the held nodes gave [m^3].
+  subroutine enter(self, raw)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: raw(:)  !! (blocks)
+    real(wp) :: left(size(raw)), volume
+    integer(i4) :: k
+    left = raw
+    associate (b => self%books, old => self%accepted_books, dt => self%step%dt)
+      b%through = old%through
+      do k = 1, size(self%held)
+        volume = sum(left(self%held(k)%block))
+        left(self%held(k)%block) = 0.0_wp  ! a node of two groups counts in the first
+        b%entered(k) = old%entered(k) + volume
+        b%through = b%through + abs(volume)
+        if (dt > 0.0_wp) b%rate(k) = volume/dt
+      end do
+      do k = 1, size(self%inflow)
+        volume = dt*self%inflow(k)%factor*sum(self%inflow(k)%rate)
+        b%entered(size(self%held) + k) = old%entered(size(self%held) + k) + volume
+        b%through = b%through + abs(volume)
+        if (dt > 0.0_wp) b%rate(size(self%held) + k) = volume/dt
+      end do
+    end associate
+  end subroutine enter
+
+  !> The trial is the state.
+  subroutine accept(self)
+    class(fem_pore_type), intent(inout) :: self
+    if (self%active) self%accepted_books = self%books
+  end subroutine accept
+
+  !> Means over element e: Darcy's flow [m/s] and the pressure [Pa].
+  subroutine element_flow(self, mesh, dofs, elastic, u, e, flow)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)   !! (3, blocks)
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: flow(4)
+    type(fem_wet_type) :: wet
+    integer(i4) :: q, rule
+    flow = 0.0_wp
+    if (self%skeleton_of(e) == 0) return
+    rule = 0
+    call shape_of(self, mesh, elastic, e, rule, wet)
+    associate (s => self%skeleton(self%skeleton_of(e)), at => elastic%rule(rule)%at, &
+               p => u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
+      do q = 1, at%n
+        flow(:3) = flow(:3) + wet%shape%weight(q)*darcy_flow(s, wet, self%step, p, q)
+        flow(4) = flow(4) + wet%shape%weight(q)*dot_product(at%corner(:, q), p)
+      end do
+    end associate
+    flow = flow/sum(wet%shape%weight)
+  end subroutine element_flow
+end module fem_pore

@@ -1,0 +1,236 @@
+!> An element with a liquid in its pores: pressure at its corners beside the displacements. Content
+!! of liquid, Darcy's flow and the force of the pressure, and their matrices, all at the points of
+!! the solid's own integrals.
+!!
+!! With N the corner functions, b the gradients of the volumetric strain and tau = 1/(2 G) of equal
+!! orders (else 0), differences d over a step and * the mean by theta:
+!!   u rows:  -int alpha p b,
+!!   p rows:  -int N (alpha de_v + S dp) - int tau (N - PN) (dp - Pdp) + dt int grad N . w*,
+!! w = -kappa (grad p - rho_f g), P the mean over the element: it frees equal orders of pressures
+!! that alternate, and moves no liquid between elements (White and Borja 2008).
+!! eqs. F.29 and F.30
+module fem_pore_element
+  use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
+  use fem_element, only: fem_shape_type, element_shape
+  use fem_rules, only: fem_formulation_type
+  use fem_strain, only: volume_gradients
+  implicit none
+  private
+  public :: fem_skeleton_type, fem_wet_type, fem_flow_step_type, fem_flow_energy_type
+  public :: fem_flow_change_type
+  public :: wet_shape, wet_force, wet_matrix, wet_energy, wet_content, wet_size, darcy_flow
+
+  !> A solid with pores and their liquid.
+  type :: fem_skeleton_type
+    real(wp) :: biot = 1.0_wp          !! alpha [-]
+    real(wp) :: storage = 0.0_wp       !! S, content by pressure at constant strain [1/Pa]
+    real(wp) :: mobility(3) = 0.0_wp   !! kappa = k/viscosity along x, y, z [m^2/(Pa s)]
+    real(wp) :: porosity = 0.0_wp
+    real(wp) :: density = 0.0_wp       !! of the liquid [kg/m^3]
+  end type fem_skeleton_type
+
+  !> One element at its points.
+  type :: fem_wet_type
+    type(fem_shape_type) :: shape
+    real(wp), allocatable :: slope(:, :, :)  !! (3, corners, n) gradients of the pressure [1/m]
+    real(wp), allocatable :: volume(:, :)    !! (3 nodes, n) of the volumetric strain [1/m]
+    real(wp), allocatable :: steady(:, :)    !! (corners, corners) of equal orders, else 0 [m^3/Pa]
+  end type fem_wet_type
+
+  !> What a step has in common.
+  type :: fem_flow_step_type
+    real(wp) :: dt = 0.0_wp          !! [s]
+    real(wp) :: theta = 1.0_wp       !! share of the end in the flow of the step
+    real(wp) :: gravity(3) = 0.0_wp  !! [m/s^2]
+  end type fem_flow_step_type
+
+  !> A step of one element.
+  type :: fem_flow_change_type
+    real(wp), allocatable :: moved(:, :)  !! (3, nodes) displacements in it [m]
+    real(wp), allocatable :: p(:, :)      !! (corners, 2) pressures at its start and end [Pa]
+  end type fem_flow_change_type
+
+  !> Energies of the liquid of an element [J].
+  type :: fem_flow_energy_type
+    real(wp) :: stored = 0.0_wp     !! elastic, at the end of the step
+    real(wp) :: darcy = 0.0_wp      !! dissipated by the flow
+    real(wp) :: fall = 0.0_wp       !! work of the liquid's weight on the flow
+    real(wp) :: numerical = 0.0_wp  !! dissipated by the integration
+  end type fem_flow_energy_type
+
+contains
+
+  !> Gradients and weights of the element with nodes x [m]; `shear` is the modulus that steadies
+  !! equal orders.
+  pure subroutine wet_shape(rule, x, shear, wet)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: x(:, :)
+    real(wp), intent(in) :: shear  !! [Pa]
+    type(fem_wet_type), intent(inout) :: wet
+    real(wp) :: tangent(3, 3), inverse(3, 3)
+    integer(i4) :: q, a
+    if (.not. allocated(wet%slope)) &
+      allocate (wet%slope(3, rule%corners, rule%at%n), wet%volume(3*rule%nodes, rule%at%n), &
+                wet%steady(rule%corners, rule%corners))
+    call element_shape(rule%at, x, wet%shape)
+    do q = 1, rule%at%n
+      tangent = matmul(x, transpose(rule%at%u_slope(:, :, q)))
+      inverse(:, 1) = cross(tangent(:, 2), tangent(:, 3))
+      inverse(:, 2) = cross(tangent(:, 3), tangent(:, 1))
+      inverse(:, 3) = cross(tangent(:, 1), tangent(:, 2))
+      inverse = inverse/dot_product(tangent(:, 1), inverse(:, 1))
+      do a = 1, rule%corners
+        wet%slope(:, a, q) = matmul(inverse, rule%at%corner_slope(:, a, q))
+      end do
+    end do
+    if (rule%bbar) then
+      call volume_gradients(rule, x, wet%shape, wet%volume)
+    else
+      wet%volume = reshape(wet%shape%u, shape(wet%volume))
+    end if
+    wet%steady = 0.0_wp
+    if (rule%corners == rule%nodes .and. shear > 0.0_wp) &
+      call steady(rule, wet%shape%weight, 0.5_wp/shear, wet%steady)
+  end subroutine wet_shape
+
+  !> Add tau int (N_a - PN_a) (N_b - PN_b) [m^3/Pa].
+  pure subroutine steady(rule, weight, tau, t)
+    type(fem_formulation_type), intent(in) :: rule
+    real(wp), intent(in) :: weight(:), tau
+    real(wp), intent(inout) :: t(:, :)
+    real(wp) :: off(rule%corners), mean(rule%corners)
+    integer(i4) :: q, b
+    mean = 0.0_wp
+    do q = 1, rule%at%n
+      mean = mean + weight(q)/sum(weight)*rule%at%corner(:, q)
+    end do
+    do q = 1, rule%at%n
+      off = rule%at%corner(:, q) - mean
+      do b = 1, rule%corners
+        t(:, b) = t(:, b) + tau*weight(q)*off(b)*off
+      end do
+    end do
+  end subroutine steady
+
+  !> Internal forces (3, nodes) [N] and, negative, contents less inflow (corners) [m^3] of a step.
+  pure subroutine wet_force(rule, skeleton, wet, step, change, force, flow)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    type(fem_flow_change_type), intent(in) :: change
+    real(wp), intent(out) :: force(:, :), flow(:)
+    real(wp) :: f(3*rule%nodes), moved(3*rule%nodes), w(3), more, d(rule%corners)
+    integer(i4) :: q
+    f = 0.0_wp
+    moved = reshape(change%moved, shape(moved))
+    d = change%p(:, 2) - change%p(:, 1)
+    flow = 0.0_wp
+    do q = 1, rule%corners
+      flow = flow - d(q)*wet%steady(:, q)
+    end do
+    do q = 1, rule%at%n
+      associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q))
+        f = f - weight*skeleton%biot*dot_product(n, change%p(:, 2))*wet%volume(:, q)
+        more = skeleton%biot*sum(wet%volume(:, q)*moved) + skeleton%storage*dot_product(n, d)
+        w = darcy_flow(skeleton, wet, step, change%p(:, 1) + step%theta*d, q)
+        flow = flow - weight*more*n + step%dt*weight*matmul(w, wet%slope(:, :, q))
+      end associate
+    end do
+    force = reshape(f, shape(force))
+  end subroutine wet_force
+
+  !> Coupling (3 nodes, corners) [m^2] and matrix of the pressures (corners, corners) [m^3/Pa]: the
+  !! slopes of `wet_force`.
+  pure subroutine wet_matrix(rule, skeleton, wet, step, coupling, flow)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    real(wp), intent(out) :: coupling(:, :), flow(:, :)
+    real(wp) :: share
+    integer(i4) :: q, b
+    coupling = 0.0_wp
+    flow = -wet%steady
+    share = step%dt*step%theta
+    do q = 1, rule%at%n
+      associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q), h => wet%slope(:, :, q))
+        do b = 1, rule%corners
+          coupling(:, b) = coupling(:, b) - weight*skeleton%biot*n(b)*wet%volume(:, q)
+          flow(:, b) = flow(:, b) - weight*(skeleton%storage*n(b)*n &
+                                            + share*matmul(skeleton%mobility*h(:, b), h))
+        end do
+      end associate
+    end do
+  end subroutine wet_matrix
+
+  !> Darcy's flow at point q for pressures p of the corners [m/s].
+  pure function darcy_flow(skeleton, wet, step, p, q) result(w)
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    real(wp), intent(in) :: p(:)
+    integer(i4), intent(in) :: q
+    real(wp) :: w(3)
+    w = -skeleton%mobility*(matmul(wet%slope(:, :, q), p) - skeleton%density*step%gravity)
+  end function darcy_flow
+
+  !> Liquid in an element beyond that of u = 0 and p = 0 [m^3].
+  pure real(wp) function wet_content(rule, skeleton, wet, u, p)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    real(wp), intent(in) :: u(:, :)  !! (3, nodes) [m]
+    real(wp), intent(in) :: p(:)     !! (corners) [Pa]
+    integer(i4) :: q
+    wet_content = 0.0_wp
+    do q = 1, rule%at%n
+      wet_content = wet_content + wet%shape%weight(q)*(skeleton%storage &
+        *dot_product(rule%at%corner(:, q), p) &
+        + skeleton%biot*sum(wet%volume(:, q)*reshape(u, [size(u)])))
+    end do
+  end function wet_content
+
+  !> Size of the volumes that a corner's balance could sum, if nothing cancelled [m^3]: what
+  !! rounding is measured by.
+  pure real(wp) function wet_size(skeleton, wet, step, p)
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    real(wp), intent(in) :: p(:, :)  !! (corners, 2) [Pa]
+    real(wp) :: steepest
+    steepest = maxval(abs(wet%slope))
+    wet_size = step%dt*maxval(skeleton%mobility)*sum(wet%shape%weight)*steepest &
+               *(steepest*maxval(abs(p)) + skeleton%density*norm2(step%gravity))
+  end function wet_size
+
+  !> Energies of a step; the pressures that steady equal orders store some, too.
+  pure function wet_energy(rule, skeleton, wet, step, p) result(energy)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    real(wp), intent(in) :: p(:, :)  !! (corners, 2) [Pa]
+    type(fem_flow_energy_type) :: energy
+    real(wp) :: w(3), d(size(p, 1)), work(3)
+    integer(i4) :: q
+    d = p(:, 2) - p(:, 1)
+    do q = 1, rule%corners
+      energy%stored = energy%stored + 0.5_wp*p(q, 2)*dot_product(p(:, 2), wet%steady(:, q))
+    end do
+    do q = 1, rule%at%n
+      associate (weight => wet%shape%weight(q), h => wet%slope(:, :, q), e => energy)
+        e%stored = e%stored + 0.5_wp*weight*skeleton%storage &
+                   *dot_product(rule%at%corner(:, q), p(:, 2))**2
+        w = darcy_flow(skeleton, wet, step, p(:, 1) + step%theta*d, q)
+        work(1) = dot_product(skeleton%density*step%gravity, w)
+        work(2) = dot_product(matmul(h, p(:, 1) + step%theta*d), w)
+        work(3) = (step%theta - 0.5_wp)*dot_product(matmul(h, d), w)
+        e%fall = e%fall + weight*step%dt*work(1)
+        e%darcy = e%darcy + weight*step%dt*(work(1) - work(2))
+        e%numerical = e%numerical + weight*step%dt*work(3)
+      end associate
+    end do
+  end function wet_energy
+end module fem_pore_element

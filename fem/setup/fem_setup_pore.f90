@@ -1,0 +1,358 @@
+!> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &water_table.
+module fem_setup_pore
+  use talus_kinds, only: wp, i4
+  use talus_text, only: str
+  use talus_curve, only: curve_index
+  use talus_errors, only: error_list_type
+  use talus_deck, only: deck_type
+  use fem_body, only: fem_body_type
+  use fem_dofs, only: number_pressures
+  use fem_loads, only: couple_force
+  use fem_mesh, only: find_group, group_hint
+  use fem_pore, only: fem_held_pressure_type, fem_inflow_type
+  use fem_pore_element, only: fem_skeleton_type
+  use fem_types, only: group_facet, group_node, group_volume
+  implicit none
+  private
+  public :: read_skeletons, number_wet, read_liquid
+
+  character(len=*), parameter :: groups(3) = [character(len=14) :: 'pore_pressure', 'flux', &
+                                              'water_table']
+
+contains
+
+  !> Solids with a liquid, their elements, and the density of both; faults D443 to D446 and D449.
+  subroutine read_skeletons(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, m
+
+    do k = 1, merge(size(groups, kind=i4), 0_i4, deck%count('pore') == 0)
+      if (deck%count(trim(groups(k))) > 0) call deck%fault(errors, 'D449', &
+        'no material has pores with a liquid', trim(groups(k)), 1, '', &
+        'add &pore material = ..., fluid = ..., or leave it out')
+    end do
+    if (deck%count('pore') == 0 .or. errors%any()) return
+    call refuse_analysis(deck, body, errors)
+    if (errors%any()) return
+    body%pore%active = .true.
+    body%pore%step%gravity = body%loads%gravity
+    allocate (body%pore%skeleton(deck%count('pore')), body%pore%held(0), body%pore%inflow(0))
+    allocate (body%pore%skeleton_of(body%mesh%elements), source=0)
+    call deck%get('analysis', 1, 'theta', body%pore%step%theta)
+    do k = 1, size(body%pore%skeleton)
+      call read_skeleton(deck, k, body%pore%skeleton(k), errors)
+      call material_of(deck, k, m, errors)
+      if (m == 0) cycle
+      where (body%matter%law_of == m) body%pore%skeleton_of = k
+    end do
+    call refuse_elements(deck, body, errors)
+    if (errors%any()) return
+    do k = 1, body%mesh%elements
+      if (body%pore%skeleton_of(k) == 0) cycle
+      associate (s => body%pore%skeleton(body%pore%skeleton_of(k)))
+        body%elastic%density(k) = body%elastic%density(k) + s%porosity*s%density
+      end associate
+    end do
+    body%pore%constant = deck%count('stage') == 0
+    do m = 1, size(body%matter%law)
+      if (any(body%matter%law_of == m)) &
+        body%pore%constant = body%pore%constant .and. .not. body%matter%law(m)%law%stateful
+    end do
+  end subroutine read_skeletons
+
+  !> Fault D446 for what has no pressures yet.
+  subroutine refuse_analysis(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: kind, text
+    call deck%get('analysis', 1, 'kind', kind)
+    if (kind /= 'static') then
+      call deck%fault(errors, 'D446', "kind = '"//kind//"' has no pore pressures", 'analysis', 1, &
+        'kind', "take kind = 'static', consolidation in time")
+      return
+    end if
+    call deck%get('analysis', 1, 'continuation', text)
+    if (text /= 'load') call deck%fault(errors, 'D446', &
+      'a path by arc length has no times, consolidation needs them', 'analysis', 1, &
+      'continuation', "take continuation = 'load'")
+    call deck%get('analysis', 1, 'solver', text)
+    if (text == 'iterative') call deck%fault(errors, 'D446', &
+      'conjugate gradients need a positive matrix, that with pore pressures is not', 'analysis', &
+      1, 'solver', "take solver = 'direct'")
+    if (deck%count('stage') > 0) call deck%fault(errors, 'D446', &
+      'stages do not know pore pressures', 'stage', 1, '', 'leave the stages or &pore out')
+    if (body%matter%micro%active) call deck%fault(errors, 'D446', &
+      'micromorphic solids have no pore pressures', 'micromorphic', 1, '', &
+      'take a classical or micropolar material for &pore')
+  end subroutine refuse_analysis
+
+  !> Constants of &pore k and its &fluid.
+  subroutine read_skeleton(deck, k, skeleton, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(fem_skeleton_type), intent(out) :: skeleton
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: permeability(:)
+    character(len=:), allocatable :: name
+    real(wp) :: viscosity, bulk, solid
+    integer(i4) :: f
+
+    call deck%get('pore', k, 'fluid', name)
+    call index_of(deck, 'fluid', name, f)
+    if (f == 0) then
+      call deck%fault(errors, 'D443', "there is no fluid '"//name//"'", 'pore', k, 'fluid', &
+        'define it with &fluid id = ...')
+      return
+    end if
+    call deck%get('fluid', f, 'density', skeleton%density)
+    call deck%get('fluid', f, 'viscosity', viscosity)
+    call deck%get('fluid', f, 'bulk_modulus', bulk)
+    call deck%get('pore', k, 'porosity', skeleton%porosity)
+    call deck%get('pore', k, 'biot', skeleton%biot)
+    call deck%get('pore', k, 'solid_bulk', solid)
+    call deck%get('pore', k, 'permeability', permeability)
+    if (size(permeability) == 2) call deck%fault(errors, 'D444', &
+      'two permeabilities are neither one nor three', 'pore', k, 'permeability', &
+      'give one value, or those along x, y and z')
+    if (skeleton%biot < skeleton%porosity) call deck%fault(errors, 'D444', &
+      "Biot's coefficient "//str(skeleton%biot)//' is below the porosity '// &
+      str(skeleton%porosity), 'pore', k, merge('biot    ', 'porosity', &
+      deck%given('pore', k, 'biot')), 'the content at constant strain would fall with pressure')
+    if (errors%any()) return
+    skeleton%mobility = permeability(1)/viscosity
+    if (size(permeability) == 3) skeleton%mobility = permeability/viscosity
+    if (bulk > 0.0_wp) skeleton%storage = skeleton%porosity/bulk
+    if (solid > 0.0_wp) skeleton%storage = skeleton%storage &
+      + (skeleton%biot - skeleton%porosity)/solid
+  end subroutine read_skeleton
+
+  !> Number of the &material of &pore k; D443 where there is none, or it has pores already.
+  subroutine material_of(deck, k, m, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    integer(i4), intent(out) :: m
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, other
+    integer(i4) :: j
+    call deck%get('pore', k, 'material', name)
+    call index_of(deck, 'material', name, m)
+    if (m == 0) call deck%fault(errors, 'D443', "there is no material '"//name//"'", 'pore', k, &
+      'material', 'define it with &material id = ...')
+    do j = 1, k - 1
+      call deck%get('pore', j, 'material', other)
+      if (other == name) call deck%fault(errors, 'D443', "the material '"//name// &
+        "' has two &pore", 'pore', k, 'material', 'give each material one')
+    end do
+  end subroutine material_of
+
+  !> Instance of a group with an id, 0 if there is none.
+  subroutine index_of(deck, group, name, index)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: group, name
+    integer(i4), intent(out) :: index
+    character(len=:), allocatable :: id
+    integer(i4) :: k
+    index = 0
+    do k = 1, deck%count(group)
+      call deck%get(group, k, 'id', id)
+      if (id == name) index = k
+    end do
+  end subroutine index_of
+
+  !> Fault D445 for elements and laws that have no pressures.
+  subroutine refuse_elements(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: known(9) = [character(len=12) :: 'hex8_bbar', 'hex8_full', &
+      'hex20', 'hex27', 'tet10', 'tet4', 'hex20/hex8', 'hex27/hex8', 'tet10/tet4']
+    integer(i4) :: e, k
+    do e = 1, body%mesh%elements
+      k = body%pore%skeleton_of(e)
+      if (k == 0) cycle
+      if (body%matter%law(body%matter%law_of(e))%law%finite) then
+        call deck%fault(errors, 'D445', 'element '//str(e)//' has a law of finite strain', 'pore', &
+          k, 'material', 'pore pressures belong to laws of small strains')
+        return
+      end if
+      associate (name => body%elastic%rule(body%elastic%rule_of(e))%name)
+        if (any(known == name)) cycle
+        call deck%fault(errors, 'D445', "element '"//trim(name)//"' of element "//str(e)// &
+          ' has no pressures', 'pore', k, 'material', &
+          'take hex20, hex27 or tet10 (pressures at their corners), hex8_bbar, hex8_full or tet4')
+      end associate
+      return
+    end do
+  end subroutine refuse_elements
+
+  !> Number the pressures, once the other fields are.
+  subroutine number_wet(body)
+    type(fem_body_type), intent(inout) :: body
+    integer(i4) :: corners(body%mesh%elements), e
+    if (.not. body%pore%active) return
+    corners = 0
+    do e = 1, body%mesh%elements
+      if (body%pore%skeleton_of(e) > 0) &
+        corners(e) = body%elastic%rule(body%elastic%rule_of(e))%corners
+    end do
+    call number_pressures(body%mesh, corners, body%dofs)
+  end subroutine number_wet
+
+  !> Held pressures, inflow, and the pressure at the start; after the supports.
+  subroutine read_liquid(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, c
+
+    if (.not. body%pore%active) return
+    do c = 2, 3  ! a block has three components, p is one
+      call body%supports%hold(c, [(k, k=body%dofs%solid + 1, body%dofs%blocks)])
+    end do
+    if (deck%count('water_table') > 0) call begin_under(deck, body, errors)
+    do k = 1, deck%count('pore_pressure')
+      call read_held(deck, body, k, errors)
+    end do
+    do k = 1, deck%count('flux')
+      call read_flux(deck, body, k, errors)
+    end do
+  end subroutine read_liquid
+
+  !> Nodes with a pressure of the group that an instance names; fault D447 where there are none.
+  subroutine wet_nodes(deck, body, group, k, node, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    integer(i4), allocatable, intent(out) :: node(:)
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), parameter :: any_kind(3) = [group_facet, group_node, group_volume]
+    character(len=:), allocatable :: name
+    integer(i4) :: g
+    call deck%get(group, k, 'group', name)
+    g = find_group(body%mesh, name, any_kind)
+    allocate (node(0))
+    if (g == 0) then
+      call deck%fault(errors, 'D301', "the mesh has no group '"//name//"'", group, k, 'group', &
+        group_hint(body%mesh, name, any_kind))
+      return
+    end if
+    node = pack(body%mesh%group(g)%node, body%dofs%p(body%mesh%group(g)%node) > 0)
+    if (size(node) == 0) call deck%fault(errors, 'D447', "no node of '"//name// &
+      "' has a pressure", group, k, 'group', &
+      'pressures are at the corner nodes of elements whose material has a &pore')
+  end subroutine wet_nodes
+
+  !> A &pore_pressure: value or head.
+  subroutine read_held(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    type(fem_held_pressure_type) :: held
+    type(fem_held_pressure_type), allocatable :: longer(:)
+    integer(i4), allocatable :: node(:)
+    character(len=:), allocatable :: name
+    real(wp) :: value
+    integer(i4) :: n
+
+    call wet_nodes(deck, body, 'pore_pressure', k, node, errors)
+    call curve_index(deck, 'D303', body%loads%curve, 'pore_pressure', k, held%curve, errors)
+    if (deck%given('pore_pressure', k, 'head')) then
+      call deck%get('pore_pressure', k, 'head', value)
+      call under_head(deck, body, 'pore_pressure', k, value, held%value, errors)
+      if (errors%any()) return
+      held%value = held%value(node)
+    else
+      call deck%get('pore_pressure', k, 'value', value)
+      allocate (held%value(size(node)), source=value)
+    end if
+    if (errors%any()) return
+    call deck%get('pore_pressure', k, 'group', name)
+    held%name = name
+    held%block = body%dofs%p(node)
+    call body%supports%hold(1_i4, held%block)
+    n = int(size(body%pore%held), i4)
+    allocate (longer(n + 1))
+    longer(:n) = body%pore%held
+    longer(n + 1) = held
+    call move_alloc(longer, body%pore%held)
+  end subroutine read_held
+
+  !> Pressures of all nodes under a level head [m]; fault D448 where gravity or the liquid is not
+  !! one.
+  subroutine under_head(deck, body, group, k, head, p, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: head
+    real(wp), allocatable, intent(out) :: p(:)  !! (nodes) [Pa]
+    type(error_list_type), intent(inout) :: errors
+    associate (g => body%loads%gravity, s => body%pore%skeleton)
+      allocate (p(body%mesh%nodes), source=0.0_wp)
+      if (.not. norm2(g) > 0.0_wp) then
+        call deck%fault(errors, 'D448', 'a head needs a gravity', group, k, '', &
+          'add gravity to &run, or give a pressure')
+      else if (maxval(s%density) - minval(s%density) > 0.0_wp) then
+        call deck%fault(errors, 'D448', 'a head needs one density of the liquid', group, k, '', &
+          'give a pressure where liquids differ')
+      else
+        p = s(1)%density*(norm2(g)*head + matmul(g, body%mesh%x))
+      end if
+    end associate
+  end subroutine under_head
+
+  !> Pressure at the start under &water_table, none above it.
+  subroutine begin_under(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: p(:)
+    real(wp) :: level
+    integer(i4) :: n
+    call deck%get('water_table', 1, 'level', level)
+    call under_head(deck, body, 'water_table', 1_i4, level, p, errors)
+    do n = 1, body%mesh%nodes
+      if (body%dofs%p(n) > 0) body%state%u(1, body%dofs%p(n)) = p(n)
+    end do
+    body%accepted%u = body%state%u
+  end subroutine begin_under
+
+  !> A &flux through facets.
+  subroutine read_flux(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    type(fem_inflow_type) :: inflow
+    type(fem_inflow_type), allocatable :: longer(:)
+    character(len=:), allocatable :: name
+    real(wp) :: value, shares(3, body%dofs%blocks)
+    integer(i4) :: g, n, missing
+
+    call deck%get('flux', k, 'group', name)
+    call deck%get('flux', k, 'value', value)
+    call curve_index(deck, 'D303', body%loads%curve, 'flux', k, inflow%curve, errors)
+    g = find_group(body%mesh, name, [group_facet])
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
+      'flux', k, 'group', group_hint(body%mesh, name, [group_facet]))
+    if (errors%any()) return
+    inflow%name = name
+    shares = 0.0_wp
+    call couple_force(body%mesh, body%mesh%group(g), body%dofs%p, [value, 0.0_wp, 0.0_wp], &
+                      shares, missing)
+    if (missing > 0) call deck%fault(errors, 'D447', 'node '//str(missing)//" of '"//name// &
+      "' has no pressure", 'flux', k, 'group', &
+      'liquid enters elements whose material has a &pore')
+    inflow%rate = shares(1, :)
+    n = int(size(body%pore%inflow), i4)
+    allocate (longer(n + 1))
+    longer(:n) = body%pore%inflow
+    longer(n + 1) = inflow
+    call move_alloc(longer, body%pore%inflow)
+  end subroutine read_flux
+end module fem_setup_pore
