@@ -260,8 +260,12 @@ contains
     if (same_matrix(self, part)) return
     call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%system%pattern, &
       self%system%k, self%system%lower)
-    call self%pore%add_matrix(self%mesh, self%dofs, self%elastic, self%system%pattern, &
-      self%system%k, self%system%lower)
+    if (self%pore%active) then
+      call self%pore%take_step(matrix_step(self, part))
+      call self%pore%add_matrix(self%mesh, self%dofs, self%elastic, self%system%pattern, &
+        self%system%k, self%system%lower)
+      call self%pore%take_step(part%dt)
+    end if
     call add_springs(self%supports%ground, self%system%pattern, self%system%k, self%system%lower)
     if (allocated(self%loads%follower)) then
       do k = 1, size(self%loads%follower)
@@ -284,6 +288,16 @@ contains
     same_matrix = self%pore%constant .and. self%system%factored_dt >= 0.0_wp .and. &
       abs(part%dt - self%system%factored_dt) <= same_step*part%dt
   end function same_matrix
+
+  !> Step of the matrix of a part [s]: that of the factors at a checkpoint where it is the same but
+  !! for rounding, so that a restart repeats every bit.
+  pure real(wp) function matrix_step(self, part)
+    type(fem_body_type), intent(in) :: self
+    type(part_type), intent(in) :: part
+    matrix_step = part%dt
+    if (self%pore%constant .and. abs(part%dt - self%system%restored_dt) <= same_step*part%dt) &
+      matrix_step = self%system%restored_dt
+  end function matrix_step
 
   !> Share of a pressure that follows the surface, in the part [-].
   pure real(wp) function follower_now(part, k)
@@ -311,7 +325,7 @@ contains
       end if
       call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
         mass_term, errors, self%system%lower)
-      if (self%pore%constant) call self%system%keep_factors(part%dt)
+      if (self%pore%constant) call self%system%keep_factors(matrix_step(self, part))
     end if
     if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
     good = .not. errors%any()

@@ -70,7 +70,7 @@ contains
     end do
     if (worst == 0) return
     h = size_at_drain(body, worst)
-    text = 'W302: the step of '//short_number(dt)//' s is below h^2/(6 c_v) = '// &
+    text = 'W302'//': the step of '//short_number(dt)//' s is below h^2/(6 c_v) = '// &
       short_number(most)//' s of element '//str(worst)//' (h = '//short_number(h)// &
       ' m) at a held pressure: pressures overshoot there in the first steps'
   end function short_step_warning

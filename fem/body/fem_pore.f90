@@ -63,6 +63,7 @@ module fem_pore
     procedure :: prepare
     procedure :: impose
     procedure :: begin
+    procedure :: take_step
     procedure :: force
     procedure :: add_matrix
     procedure :: account
@@ -123,6 +124,13 @@ contains
       end associate
     end do
   end subroutine begin
+
+  !> The length of a step.
+  subroutine take_step(self, dt)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    self%step%dt = dt
+  end subroutine take_step
 
   !> Add internal forces to the rows of displacements [N], and to those of pressures the inflow less
   !! the content gained in a step from the state `old` [m^3].

@@ -91,27 +91,33 @@ contains
     end if
     wet%steady = 0.0_wp
     if (rule%corners == rule%nodes .and. shear > 0.0_wp) &
-      call steady(rule, wet%shape%weight, 0.5_wp/shear, wet%steady)
+      call steady_pressure(rule, wet%shape%weight, 0.5_wp/shear, wet%steady)
   end subroutine wet_shape
 
-  !> Add tau int (N_a - PN_a) (N_b - PN_b) [m^3/Pa].
-  pure subroutine steady(rule, weight, tau, t)
+  !> Add tau int (N_a - PN_a) (N_b - PN_b) [m^3/Pa], at the points of the mass: the one point of
+  !! tet4 does not see it.
+  pure subroutine steady_pressure(rule, weight, tau, t)
     type(fem_formulation_type), intent(in) :: rule
-    real(wp), intent(in) :: weight(:), tau
+    real(wp), intent(in) :: weight(:)  !! of the points of the stiffness [m^3]
+    real(wp), intent(in) :: tau        !! [1/Pa]
     real(wp), intent(inout) :: t(:, :)
-    real(wp) :: off(rule%corners), mean(rule%corners)
+    real(wp) :: off(rule%corners), mean(rule%corners), w(rule%mass_at%n)
     integer(i4) :: q, b
-    mean = 0.0_wp
-    do q = 1, rule%at%n
-      mean = mean + weight(q)/sum(weight)*rule%at%corner(:, q)
-    end do
-    do q = 1, rule%at%n
-      off = rule%at%corner(:, q) - mean
-      do b = 1, rule%corners
-        t(:, b) = t(:, b) + tau*weight(q)*off(b)*off
+    associate (at => rule%mass_at)
+      w = sum(weight)*at%weight/sum(at%weight)
+      if (at%n == rule%at%n) w = weight
+      mean = 0.0_wp
+      do q = 1, at%n
+        mean = mean + w(q)/sum(w)*at%corner(:, q)
       end do
-    end do
-  end subroutine steady
+      do q = 1, at%n
+        off = at%corner(:, q) - mean
+        do b = 1, rule%corners
+          t(:, b) = t(:, b) + tau*w(q)*off(b)*off
+        end do
+      end do
+    end associate
+  end subroutine steady_pressure
 
   !> Internal forces (3, nodes) [N] and, negative, contents less inflow (corners) [m^3] of a step.
   pure subroutine wet_force(rule, skeleton, wet, step, change, force, flow)
