@@ -62,12 +62,12 @@ contains
     end do
   end subroutine add_element
 
-  !> Add the coupling of displacements and pressures of an element, and the matrix of the pressures,
-  !! both symmetric in the whole.
+  !> Add the couplings of displacements and pressures of an element, those of the rows of
+  !! displacements and, transposed, of the rows of pressures, and the matrix of the pressures.
   pure subroutine add_flow(block, wet, pattern, coupling, flow, k, lower)
     integer(i4), intent(in) :: block(:), wet(:)  !! of displacements and, all above, of pressures
     type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(in) :: coupling(:, :)       !! (3 nodes, corners) [m^2]
+    real(wp), intent(in) :: coupling(:, :, :)    !! (3 nodes, corners, 2) [m^2]
     real(wp), intent(in) :: flow(:, :)           !! (corners, corners) [m^3/Pa]
     real(wp), intent(inout) :: k(:, :, :)
     real(wp), intent(inout) :: lower(:, :, :)    !! below the diagonal, or none
@@ -75,8 +75,8 @@ contains
     do b = 1, size(wet)
       do a = 1, size(block)
         p = place(pattern, block(a), wet(b))
-        k(:, 1, p) = k(:, 1, p) + coupling(3*a - 2:3*a, b)
-        if (size(lower, 3) > 0) lower(1, :, p) = lower(1, :, p) + coupling(3*a - 2:3*a, b)
+        k(:, 1, p) = k(:, 1, p) + coupling(3*a - 2:3*a, b, 1)
+        if (size(lower, 3) > 0) lower(1, :, p) = lower(1, :, p) + coupling(3*a - 2:3*a, b, 2)
       end do
       do a = 1, size(wet)
         if (wet(a) > wet(b)) cycle

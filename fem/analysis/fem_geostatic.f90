@@ -28,20 +28,28 @@ contains
     iterations = 0
     nothing = 0.0_wp
     call body%matter%update(body%mesh, body%dofs, body%elastic, nothing, nothing, internal, bad)
+    call body%pore%force(body%mesh, body%dofs, body%elastic, body%accepted%u, nothing, internal)
     body%accepted%external = internal  ! the loads grow from those that the stress balances
     dynamic = body%scheme%dynamic
     call body%scheme%take_inertia(.false.)
+    call body%hold_pressures(.true.)
     call newton_step(body, body%accepted%time, errors)
+    call body%hold_pressures(.false.)
     call body%scheme%take_inertia(dynamic)
     if (errors%any()) return
     iterations = body%newton%rows
-    moved = sqrt(maxval(sum(body%state%u**2, 1)))
-    if (.not. body%matter%micro%active) then  ! whose state depends on total displacements
-      body%state%u = 0.0_wp
-      call body%impose(body%accepted%time, body%state%u)
-    end if
+    associate (last => body%dofs%solid)
+      moved = sqrt(maxval(sum(body%state%u(:, :last)**2, 1)))
+      if (.not. body%matter%micro%active) then  ! whose state depends on total displacements
+        nothing(:, last + 1:) = body%state%u(:, last + 1:)
+        body%state%u = 0.0_wp
+        call body%impose(body%accepted%time, body%state%u)
+        body%state%u(:, last + 1:) = nothing(:, last + 1:)
+      end if
+    end associate
     body%matter%state(at_stored:at_numerical, :) = 0.0_wp
     call body%take_energy(fem_energy_type())
     call body%accept()
+    call body%begin_liquid()
   end subroutine settle
 end module fem_geostatic

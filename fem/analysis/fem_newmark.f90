@@ -26,6 +26,8 @@ contains
           - 1.0_wp)*old%a
         s%v = old%v + dt*((1.0_wp - self%scheme%gamma)*old%a + self%scheme%gamma*s%a)
       end where
+      s%v(:, self%dofs%solid + 1:) = 0.0_wp  ! pressures have no inertia
+      s%a(:, self%dofs%solid + 1:) = 0.0_wp
     end associate
   end subroutine newmark_motion
 

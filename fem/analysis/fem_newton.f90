@@ -158,7 +158,7 @@ contains
     associate (s => self%state)
       s%time = t0 + part%after*(t1 - t0)
       part%dt = s%time - self%accepted%time
-      call self%pore%begin(self%loads%curve, self%accepted%time, s%time)
+      call begin_flow(self, part%dt)
       part%dead = part%load + part%after*(part%goal_load - part%load)
       s%external = part%dead
       s%u = self%accepted%u
@@ -193,6 +193,15 @@ contains
       if (good) call finish(self, part, size_of, scale)
     end associate
   end subroutine try_part
+
+  !> What the pore liquid has in common in a part.
+  subroutine begin_flow(self, dt)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    if (.not. self%pore%active) return
+    call self%pore%begin(self%loads%curve, self%accepted%time, self%state%time)
+    if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
+  end subroutine begin_flow
 
   !> Why a part did not converge: forces or the liquid out of balance, and where.
   subroutine blame_balance(self, part, residual, iterations, ratio)
@@ -346,6 +355,11 @@ contains
     real(wp) :: springs(3, self%dofs%blocks)
     call self%matter%update(self%mesh, self%dofs, self%elastic, self%accepted%u + moved, moved, &
                             internal, bad)
+    if (self%pore%active .and. self%scheme%dynamic) then
+      self%state%u = self%accepted%u + moved
+      call newmark_motion(self, self%pore%step%dt)
+      call self%pore%take_swing(self%accepted%a, self%state%a)
+    end if
     call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, moved, internal)
     if (self%supports%ground%n == 0) return
     call spring_force(self%supports%ground, 0.0_wp*moved, self%accepted%u + moved, springs)

@@ -72,6 +72,7 @@ contains
     real(wp), allocatable :: none(:, :, :)
     real(wp) :: inertia(3, self%dofs%blocks)
 
+    call self%hold_pressures(.true.)  ! which have no mass
     call self%number(errors)
     if (errors%any()) return
     allocate (none(3, 3, size(self%system%mass)), source=0.0_wp)
@@ -80,6 +81,7 @@ contains
     call self%system%forget_factors()
     if (errors%any()) return
     call self%system%solver%solve(self%system%pattern, residual, self%state%a, errors)
+    call self%hold_pressures(.false.)
     if (errors%any()) return
     call multiply_mass(self%system%pattern, self%system%mass, self%state%a, inertia)
     self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)

@@ -10,9 +10,11 @@ module fem_body
   use fem_null_mode, only: explain_singular
   use fem_parts, only: fem_motion_type, fem_kept_type
   use fem_recover, only: initial_stress_force
+  use fem_pore_element, only: fem_flow_energy_type
   use fem_shares, only: share_pattern
   use fem_sparse, only: make_pattern, add_springs, multiply_mass, scale_mass
   use fem_supports, only: check_supports
+  use fem_types, only: fem_energy_type
   implicit none
   private
   public :: fem_body_type, fem_motion_type, fem_kept_type
@@ -27,6 +29,8 @@ module fem_body
     procedure :: factor
     procedure :: number
     procedure :: safe_step
+    procedure :: hold_pressures
+    procedure :: begin_liquid
   end type fem_body_type
 
 contains
@@ -79,7 +83,38 @@ contains
         self%matter%accepted_stress(:, self%elastic%point(e)))
     end do
     call self%pore%prepare(self%dofs, moduli, self%accepted%u)
+    call self%begin_liquid()
   end subroutine prepare_pore
+
+  !> The books and the ledger of the pore liquid count from the accepted state.
+  subroutine begin_liquid(self)
+    class(fem_body_type), intent(inout) :: self
+    type(fem_flow_energy_type) :: energy
+    type(fem_energy_type) :: ledger
+    if (.not. self%pore%active) return
+    call self%pore%prepare_start(self%accepted%u)
+    call self%pore%account(self%mesh, self%dofs, self%elastic, self%accepted%u, self%accepted%u, &
+                           energy)
+    call self%pore%forget_books()
+    ledger = self%accepted_energy
+    ledger%start = ledger%start + energy%stored - ledger%liquid
+    ledger%liquid = energy%stored
+    call self%take_energy(ledger)
+    self%accepted_energy = ledger
+  end subroutine begin_liquid
+
+  !> Keep all pressures where they are, or let them go.
+  subroutine hold_pressures(self, yes)
+    class(fem_body_type), intent(inout) :: self
+    logical, intent(in) :: yes
+    logical :: chosen(3, self%dofs%blocks)
+    if (.not. self%pore%active) return
+    chosen = .false.
+    chosen(:, self%dofs%solid + 1:) = yes
+    call self%port%fix_at(chosen, self%accepted%u)
+    call self%system%forget_numbers()
+    call self%system%forget_factors()
+  end subroutine hold_pressures
 
   !> Stiffness of the accepted state where laws have a state.
   subroutine assemble_tangent(self)

@@ -58,12 +58,19 @@ module fem_pore
     real(wp), allocatable :: rate(:)        !! (blocks) inflow of the step [m^3/s]
     real(wp), allocatable :: start(:, :)    !! (3, blocks) state that contents count from
     type(fem_pore_books_type) :: books, accepted_books
+    real(wp), allocatable :: swing(:, :)    !! (3, blocks) mean acceleration of a step [m/s^2]
     real(wp), allocatable :: gross(:)       !! (blocks) sizes of what a step's balance sums [m^3]
   contains
     procedure :: prepare
+    procedure :: prepare_start
     procedure :: impose
     procedure :: begin
     procedure :: take_step
+    procedure :: take_inertia
+    procedure :: take_swing
+    procedure :: forget_books
+    procedure :: pressure_at
+    procedure, private :: change_of
     procedure :: force
     procedure :: add_matrix
     procedure :: account
@@ -83,13 +90,21 @@ contains
     if (.not. self%active) return
     self%shear = moduli(2, :) + 0.5_wp*moduli(3, :)
     self%confined = moduli(1, :) + 2.0_wp*moduli(2, :) + moduli(3, :)
-    self%start = u
     if (allocated(self%rate)) return
+    self%start = u
     allocate (self%rate(dofs%blocks), self%gross(dofs%blocks), source=0.0_wp)
     allocate (self%books%entered(size(self%held) + size(self%inflow)), source=0.0_wp)
     self%books%rate = self%books%entered
     self%accepted_books = self%books
   end subroutine prepare
+
+  !> Contents count from this state.
+  subroutine prepare_start(self, u)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks)
+    self%start = u
+    self%step%dt = 0.0_wp
+  end subroutine prepare_start
 
   !> Put the held pressures at time t into u.
   subroutine impose(self, curve, t, u)
@@ -131,6 +146,67 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     self%step%dt = dt
   end subroutine take_step
+
+  !> Acceleration of free nodes by their displacement in a step, 0 in statics.
+  subroutine take_inertia(self, inertia)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: inertia  !! [1/s^2]
+    self%step%inertia = inertia
+  end subroutine take_inertia
+
+  !> The mean acceleration of a step from those at its start and end.
+  subroutine take_swing(self, start, after)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: start(:, :), after(:, :)  !! (3, blocks) [m/s^2]
+    self%swing = self%step%theta*after + (1.0_wp - self%step%theta)*start
+  end subroutine take_swing
+
+  !> Nothing has entered yet.
+  subroutine forget_books(self)
+    class(fem_pore_type), intent(inout) :: self
+    self%books%entered = 0.0_wp
+    self%books%rate = 0.0_wp
+    self%books%content = 0.0_wp
+    self%books%numerical = 0.0_wp
+    self%books%through = 0.0_wp
+    self%accepted_books = self%books
+  end subroutine forget_books
+
+  !> Pressure at point q of element e [Pa].
+  pure real(wp) function pressure_at(self, dofs, elastic, u, e, q) result(p)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks)
+    integer(i4), intent(in) :: e, q
+    p = 0.0_wp
+    if (.not. self%active) return
+    if (self%skeleton_of(e) == 0) return
+    p = dot_product(elastic%rule(elastic%rule_of(e))%at%corner(:, q), &
+                    u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
+  end function pressure_at
+
+  !> The step of element e from the state `old`.
+  pure function change_of(self, dofs, elastic, e, old, moved) result(change)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: old(:, :), moved(:, :)  !! (3, blocks)
+    type(fem_flow_change_type) :: change
+    associate (n => elastic%rule(elastic%rule_of(e))%nodes, &
+               p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1))
+      associate (block => dofs%block(dofs%start(e):dofs%start(e) + n - 1))
+        allocate (change%moved(3, n), change%p(size(p), 2))
+        change%moved = moved(:, block)
+        change%p(:, 1) = old(1, p)
+        change%p(:, 2) = old(1, p) + moved(1, p)
+        if (.not. allocated(self%swing)) return
+        allocate (change%a(3, n))
+        change%a = self%swing(:, block)
+      end associate
+    end associate
+  end function change_of
 
   !> Add internal forces to the rows of displacements [N], and to those of pressures the inflow less
   !! the content gained in a step from the state `old` [m^3].
@@ -180,10 +256,8 @@ contains
         call shape_of(self, mesh, elastic, e, rule, wet)
         associate (n => elastic%rule(rule)%nodes, a => dofs%start(e), b => dofs%wet_start(e), &
                    m => dofs%wet_start(e + 1) - 1)
-          associate (block => dofs%block(a:a + n - 1), p => dofs%wet(b:m), &
-                     s => self%skeleton(self%skeleton_of(e)))
-            change%moved = moved(:, block)
-            change%p = reshape([old(1, p), old(1, p) + moved(1, p)], [int(m - b + 1), 2])
+          associate (s => self%skeleton(self%skeleton_of(e)))
+            change = self%change_of(dofs, elastic, e, old, moved)
             call wet_force(elastic%rule(rule), s, wet, self%step, change, &
                            nodal(:, a:a + n - 1), flow(b:m))
             gross(b:m) = wet_size(s, wet, self%step, change%p)
@@ -225,7 +299,7 @@ contains
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(inout) :: k(:, :, :), lower(:, :, :)
     type(fem_wet_type) :: wet
-    real(wp), allocatable :: coupling(:, :), flow(:, :)
+    real(wp), allocatable :: coupling(:, :, :), flow(:, :)
     integer(i4) :: e, rule
     if (.not. self%active) return
     rule = 0
@@ -234,7 +308,7 @@ contains
       call shape_of(self, mesh, elastic, e, rule, wet)
       associate (n => elastic%rule(rule)%nodes, m => elastic%rule(rule)%corners)
         if (allocated(flow)) deallocate (coupling, flow)
-        allocate (coupling(3*n, m), flow(m, m))
+        allocate (coupling(3*n, m, 2), flow(m, m))
         call wet_matrix(elastic%rule(rule), self%skeleton(self%skeleton_of(e)), wet, self%step, &
                         coupling, flow)
         call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
@@ -262,7 +336,7 @@ contains
       associate (r => elastic%rule(rule), s => self%skeleton(self%skeleton_of(e)), &
                  p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
                  block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
-        part = wet_energy(r, s, wet, self%step, reshape([old(1, p), u(1, p)], [size(p), 2]))
+        part = wet_energy(r, s, wet, self%step, self%change_of(dofs, elastic, e, old, u - old))
         self%books%content = self%books%content + wet_content(r, s, wet, &
           u(:, block) - self%start(:, block), u(1, p) - self%start(1, p))
       end associate
@@ -322,7 +396,7 @@ contains
     associate (s => self%skeleton(self%skeleton_of(e)), at => elastic%rule(rule)%at, &
                p => u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
       do q = 1, at%n
-        flow(:3) = flow(:3) + wet%shape%weight(q)*darcy_flow(s, wet, self%step, p, q)
+        flow(:3) = flow(:3) + wet%shape%weight(q)*darcy_flow(s, wet, self%step%gravity, p, q)
         flow(4) = flow(4) + wet%shape%weight(q)*dot_product(at%corner(:, q), p)
       end do
     end associate

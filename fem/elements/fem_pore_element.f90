@@ -7,7 +7,8 @@
 !!   u rows:  -int alpha p b,
 !!   p rows:  -int N (alpha de_v + S dp) - int tau (N - PN) (dp - Pdp) + dt int grad N . w*,
 !! w = -kappa (grad p - rho_f g), P the mean over the element: it frees equal orders of pressures
-!! that alternate, and moves no liquid between elements (White and Borja 2008).
+!! that alternate, and moves no liquid between elements (White and Borja 2008). In dynamics the
+!! liquid falls with g - a, a the acceleration of the solid.
 !! eqs. F.29 and F.30
 module fem_pore_element
   use talus_kinds, only: wp, i4
@@ -43,12 +44,14 @@ module fem_pore_element
     real(wp) :: dt = 0.0_wp          !! [s]
     real(wp) :: theta = 1.0_wp       !! share of the end in the flow of the step
     real(wp) :: gravity(3) = 0.0_wp  !! [m/s^2]
+    real(wp) :: inertia = 0.0_wp     !! acceleration by displacement, 0 in statics [1/s^2]
   end type fem_flow_step_type
 
   !> A step of one element.
   type :: fem_flow_change_type
     real(wp), allocatable :: moved(:, :)  !! (3, nodes) displacements in it [m]
     real(wp), allocatable :: p(:, :)      !! (corners, 2) pressures at its start and end [Pa]
+    real(wp), allocatable :: a(:, :)      !! (3, nodes) mean acceleration, in dynamics [m/s^2]
   end type fem_flow_change_type
 
   !> Energies of the liquid of an element [J].
@@ -140,46 +143,68 @@ contains
       associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q))
         f = f - weight*skeleton%biot*dot_product(n, change%p(:, 2))*wet%volume(:, q)
         more = skeleton%biot*sum(wet%volume(:, q)*moved) + skeleton%storage*dot_product(n, d)
-        w = darcy_flow(skeleton, wet, step, change%p(:, 1) + step%theta*d, q)
+        w = darcy_flow(skeleton, wet, fall_at(rule, step, change, q), &
+                       change%p(:, 1) + step%theta*d, q)
         flow = flow - weight*more*n + step%dt*weight*matmul(w, wet%slope(:, :, q))
       end associate
     end do
     force = reshape(f, shape(force))
   end subroutine wet_force
 
-  !> Coupling (3 nodes, corners) [m^2] and matrix of the pressures (corners, corners) [m^3/Pa]: the
-  !! slopes of `wet_force`.
+  !> What makes the liquid fall at point q: gravity less the acceleration [m/s^2].
+  pure function fall_at(rule, step, change, q) result(fall)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_flow_step_type), intent(in) :: step
+    type(fem_flow_change_type), intent(in) :: change
+    integer(i4), intent(in) :: q
+    real(wp) :: fall(3)
+    integer(i4) :: a
+    fall = step%gravity
+    if (.not. allocated(change%a)) return
+    do a = 1, rule%nodes
+      fall = fall - rule%at%u(a, q)*change%a(:, a)
+    end do
+  end function fall_at
+
+  !> Couplings (3 nodes, corners) [m^2] in the rows of displacements and, transposed, of pressures,
+  !! and matrix of the pressures (corners, corners) [m^3/Pa]: the slopes of `wet_force`.
   pure subroutine wet_matrix(rule, skeleton, wet, step, coupling, flow)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
     type(fem_flow_step_type), intent(in) :: step
-    real(wp), intent(out) :: coupling(:, :), flow(:, :)
-    real(wp) :: share
-    integer(i4) :: q, b
+    real(wp), intent(out) :: coupling(:, :, :), flow(:, :)
+    real(wp) :: share, drag
+    integer(i4) :: q, b, a
     coupling = 0.0_wp
     flow = -wet%steady
     share = step%dt*step%theta
+    drag = share*skeleton%density*step%inertia
     do q = 1, rule%at%n
       associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q), h => wet%slope(:, :, q))
         do b = 1, rule%corners
-          coupling(:, b) = coupling(:, b) - weight*skeleton%biot*n(b)*wet%volume(:, q)
+          coupling(:, b, 1) = coupling(:, b, 1) - weight*skeleton%biot*n(b)*wet%volume(:, q)
+          do a = 1, rule%nodes
+            coupling(3*a - 2:3*a, b, 2) = coupling(3*a - 2:3*a, b, 2) &
+              - weight*drag*rule%at%u(a, q)*skeleton%mobility*h(:, b)
+          end do
           flow(:, b) = flow(:, b) - weight*(skeleton%storage*n(b)*n &
                                             + share*matmul(skeleton%mobility*h(:, b), h))
         end do
       end associate
     end do
+    coupling(:, :, 2) = coupling(:, :, 1) + coupling(:, :, 2)
   end subroutine wet_matrix
 
   !> Darcy's flow at point q for pressures p of the corners [m/s].
-  pure function darcy_flow(skeleton, wet, step, p, q) result(w)
+  pure function darcy_flow(skeleton, wet, fall, p, q) result(w)
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
-    type(fem_flow_step_type), intent(in) :: step
+    real(wp), intent(in) :: fall(3)  !! as `fall_at` [m/s^2]
     real(wp), intent(in) :: p(:)
     integer(i4), intent(in) :: q
     real(wp) :: w(3)
-    w = -skeleton%mobility*(matmul(wet%slope(:, :, q), p) - skeleton%density*step%gravity)
+    w = -skeleton%mobility*(matmul(wet%slope(:, :, q), p) - skeleton%density*fall)
   end function darcy_flow
 
   !> Liquid in an element beyond that of u = 0 and p = 0 [m^3].
@@ -211,30 +236,36 @@ contains
                *(steepest*maxval(abs(p)) + skeleton%density*norm2(step%gravity))
   end function wet_size
 
-  !> Energies of a step; the pressures that steady equal orders store some, too.
-  pure function wet_energy(rule, skeleton, wet, step, p) result(energy)
+  !> Energies of a step; the pressures that steady equal orders store some, too. What acceleration
+  !! does to the relative flow has no counterpart in the balance of forces: it counts as numerical.
+  pure function wet_energy(rule, skeleton, wet, step, change) result(energy)
     type(fem_formulation_type), intent(in) :: rule
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
     type(fem_flow_step_type), intent(in) :: step
-    real(wp), intent(in) :: p(:, :)  !! (corners, 2) [Pa]
+    type(fem_flow_change_type), intent(in) :: change
     type(fem_flow_energy_type) :: energy
-    real(wp) :: w(3), d(size(p, 1)), work(3)
+    real(wp), dimension(rule%corners) :: d, start, after
+    real(wp) :: w(3), fall(3), work(3)
     integer(i4) :: q
-    d = p(:, 2) - p(:, 1)
+    start = change%p(:, 1)
+    after = change%p(:, 2)
+    d = after - start
     do q = 1, rule%corners
-      energy%stored = energy%stored + 0.5_wp*p(q, 2)*dot_product(p(:, 2), wet%steady(:, q))
+      energy%stored = energy%stored + 0.5_wp*after(q)*dot_product(after, wet%steady(:, q))
     end do
     do q = 1, rule%at%n
       associate (weight => wet%shape%weight(q), h => wet%slope(:, :, q), e => energy)
         e%stored = e%stored + 0.5_wp*weight*skeleton%storage &
-                   *dot_product(rule%at%corner(:, q), p(:, 2))**2
-        w = darcy_flow(skeleton, wet, step, p(:, 1) + step%theta*d, q)
+                   *dot_product(rule%at%corner(:, q), after)**2
+        fall = fall_at(rule, step, change, q)
+        w = darcy_flow(skeleton, wet, fall, start + step%theta*d, q)
         work(1) = dot_product(skeleton%density*step%gravity, w)
-        work(2) = dot_product(matmul(h, p(:, 1) + step%theta*d), w)
-        work(3) = (step%theta - 0.5_wp)*dot_product(matmul(h, d), w)
+        work(2) = dot_product(skeleton%density*fall - matmul(h, start + step%theta*d), w)
+        work(3) = (step%theta - 0.5_wp)*dot_product(matmul(h, d), w) &
+                  + work(1) - dot_product(skeleton%density*fall, w)
         e%fall = e%fall + weight*step%dt*work(1)
-        e%darcy = e%darcy + weight*step%dt*(work(1) - work(2))
+        e%darcy = e%darcy + weight*step%dt*work(2)
         e%numerical = e%numerical + weight*step%dt*work(3)
       end associate
     end do

@@ -212,7 +212,8 @@ contains
     call self%timers%start('factorisation')
     call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
     if (fresh .and. self%body%matter%active .and. &
-        self%deck%count('geostatic') + self%deck%count('initial_stress') > 0) then
+        self%deck%count('geostatic') + self%deck%count('initial_stress') &
+        + self%deck%count('water_table') > 0) then
       call settle(self%body, self%settlement, iterations, errors)
       self%settled = .true.
     end if

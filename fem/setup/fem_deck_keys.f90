@@ -846,7 +846,7 @@ contains
     call table%preset('1.0')
     call table%bounds(min=0.5_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
-    call table%only_with('kind', 'static')
+    call table%only_with('kind', 'static|newmark')
     call table%add_key('rayleigh_mass', 'real', '1/s', &
       'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')

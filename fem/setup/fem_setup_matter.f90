@@ -180,12 +180,23 @@ contains
       do k = 1, size(body%mesh%group(g)%element)
         e = body%mesh%group(g)%element(k)
         do q = body%elastic%point(e), body%elastic%point(e + 1) - 1
-          body%matter%stress(:, q) = stress_at(x(:, q), body%loads%gravity, level, surcharge, k0, &
-                                               body%elastic%density(e))
+          body%matter%stress(:, q) = stress_at(x(:, q), body%loads%gravity, level, &
+            surcharge - lift(body, e, q), k0, body%elastic%density(e))
         end do
       end do
     end do
   end subroutine read_stress
+
+  !> Share of the pore pressure in the total stress at a point [Pa].
+  pure real(wp) function lift(body, e, p)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: e, p
+    lift = 0.0_wp
+    if (.not. body%pore%active) return
+    if (body%pore%skeleton_of(e) > 0) lift = body%pore%skeleton(body%pore%skeleton_of(e))%biot &
+      *body%pore%pressure_at(body%dofs, body%elastic, body%accepted%u, e, &
+        p - body%elastic%point(e) + 1)
+  end function lift
 
   !> Stress under a level surface, k0 times the vertical one sideways [Pa].
   pure function stress_at(x, gravity, level, surcharge, k0, density) result(stress)

@@ -55,7 +55,8 @@ contains
         body%elastic%density(k) = body%elastic%density(k) + s%porosity*s%density
       end associate
     end do
-    body%pore%constant = deck%count('stage') == 0
+    body%matter%symmetric = .not. body%scheme%dynamic  ! the liquid's inertia is in one row alone
+    body%pore%constant = .true.
     do m = 1, size(body%matter%law)
       if (any(body%matter%law_of == m)) &
         body%pore%constant = body%pore%constant .and. .not. body%matter%law(m)%law%stateful
@@ -69,11 +70,14 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: kind, text
     call deck%get('analysis', 1, 'kind', kind)
-    if (kind /= 'static') then
+    if (kind /= 'static' .and. kind /= 'newmark') then
       call deck%fault(errors, 'D446', "kind = '"//kind//"' has no pore pressures", 'analysis', 1, &
-        'kind', "take kind = 'static', consolidation in time")
+        'kind', "take kind = 'static', consolidation in time, or 'newmark'")
       return
     end if
+    if (deck%count('absorbing') > 0) call deck%fault(errors, 'D446', &
+      'absorbing faces do not know the waves of a saturated solid', 'absorbing', 1, '', &
+      'leave the faces or &pore out')
     call deck%get('analysis', 1, 'continuation', text)
     if (text /= 'load') call deck%fault(errors, 'D446', &
       'a path by arc length has no times, consolidation needs them', 'analysis', 1, &

@@ -23,7 +23,7 @@ program test_fem_pore_element
   integer(i4) :: k
 
   skeleton = fem_skeleton_type(0.8_wp, 0.3_wp, [0.7_wp, 0.2_wp, 1.1_wp], 0.4_wp, 1.3_wp)
-  step = fem_flow_step_type(0.5_wp, 0.75_wp, [0.3_wp, -0.2_wp, -2.0_wp])
+  step = fem_flow_step_type(0.5_wp, 0.75_wp, [0.3_wp, -0.2_wp, -2.0_wp], 1.7_wp)
   do k = 1, size(names)
     call make_rule(rule_index(trim(names(k))), rule)
     call place_element()
@@ -50,10 +50,11 @@ contains
     if (allocated(wet)) deallocate (wet)
     allocate (wet)
     call wet_shape(rule, x, 2.0_wp, wet)
-    if (allocated(change%p)) deallocate (change%p, change%moved)
-    allocate (change%p(rule%corners, 2), change%moved(3, rule%nodes))
+    if (allocated(change%p)) deallocate (change%p, change%moved, change%a)
+    allocate (change%p(rule%corners, 2), change%moved(3, rule%nodes), change%a(3, rule%nodes))
     do a = 1, rule%nodes
       change%moved(:, a) = [sin(1.3_wp*a), cos(2.1_wp*a), sin(0.7_wp*a + 1.0_wp)]
+      change%a(:, a) = [cos(0.3_wp*a), sin(3.1_wp*a), cos(1.7_wp*a)]
     end do
     do a = 1, rule%corners
       change%p(a, :) = [cos(1.9_wp*a), sin(2.7_wp*a)]
@@ -63,7 +64,7 @@ contains
   !> The forces are linear: columns of the matrix are exact differences.
   subroutine check_slopes(name)
     character(len=*), intent(in) :: name
-    real(wp) :: coupling(3*rule%nodes, rule%corners), flow(rule%corners, rule%corners)
+    real(wp) :: coupling(3*rule%nodes, rule%corners, 2), flow(rule%corners, rule%corners)
     real(wp) :: f(3, rule%nodes, 2), v(rule%corners, 2), off
     type(fem_flow_change_type) :: other
     integer(i4) :: a
@@ -74,14 +75,15 @@ contains
       other = change
       other%p(a, 2) = other%p(a, 2) + 1.0_wp
       call wet_force(rule, skeleton, wet, step, other, f(:, :, 2), v(:, 2))
-      off = max(off, max_abs(reshape(f(:, :, 2) - f(:, :, 1), [3*rule%nodes]) - coupling(:, a)))
+      off = max(off, max_abs(reshape(f(:, :, 2) - f(:, :, 1), [3*rule%nodes]) - coupling(:, a, 1)))
       off = max(off, max_abs(v(:, 2) - v(:, 1) - flow(:, a)))
     end do
     do a = 1, rule%nodes
       other = change
       other%moved(2, a) = other%moved(2, a) + 1.0_wp
+      other%a(2, a) = other%a(2, a) + step%theta*step%inertia
       call wet_force(rule, skeleton, wet, step, other, f(:, :, 2), v(:, 2))
-      off = max(off, max_abs(v(:, 2) - v(:, 1) - coupling(3*a - 1, :)))
+      off = max(off, max_abs(v(:, 2) - v(:, 1) - coupling(3*a - 1, :, 2)))
     end do
     call test%check(name//': matrices are slopes, '//str(off), off < 1.0e-12_wp)
     call test%check(name//': symmetric', max_abs(flow - transpose(flow)) < 1.0e-14_wp)
@@ -111,9 +113,9 @@ contains
       call wet_shape(rule, x, 2.0_wp, wet)
     end if
     do q = 1, rule%at%n
-      off = max(off, max_abs(darcy_flow(skeleton, wet, step, p, q) + skeleton%mobility*(slope &
-        - skeleton%density*step%gravity)))
-      still = max(still, max_abs(darcy_flow(skeleton, wet, step, &
+      off = max(off, max_abs(darcy_flow(skeleton, wet, step%gravity, p, q) + skeleton%mobility &
+        *(slope - skeleton%density*step%gravity)))
+      still = max(still, max_abs(darcy_flow(skeleton, wet, step%gravity, &
         skeleton%density*matmul(step%gravity, x(:, :rule%corners)), q)))
     end do
     call test%check(name//': uniform flow, '//str(off), off < 1.0e-13_wp)
@@ -141,9 +143,9 @@ contains
     call wet_force(rule, skeleton, wet, step, first, ends(:, :, 1), v)
     given = 0.5_wp*sum(change%moved*sum(ends, 3))  ! to the pressures, by the solid
     call wet_force(rule, skeleton, wet, step, change, f, v)
-    after = wet_energy(rule, skeleton, wet, step, change%p)
+    after = wet_energy(rule, skeleton, wet, step, change)
     first%p = spread(change%p(:, 1), 2, 2)
-    before = wet_energy(rule, skeleton, wet, step, first%p)
+    before = wet_energy(rule, skeleton, wet, step, first)
     off = -dot_product(mean, v) + given + after%fall - (after%stored - before%stored) &
           - after%darcy - after%numerical
     call test%check(name//': energies balance, '//str(off), abs(off) < 1.0e-12_wp)

@@ -1,0 +1,89 @@
+"""A saturated column in dynamics against the exact solution of the u-p equations."""
+
+import numpy as np
+
+from talus import mesh as meshes
+from talus.compare import max_of
+from talus.orders import converted
+from talus.verification import Case, field_steps, read_history
+
+# time, displacement of the top, pressures at 0, 5 and 9 m from the base
+COLUMN = (
+    (0.02, -5.42503112258e-05, (2414.88216041, 2414.96803495, 2295.53358972)),
+    (0.05, -0.000250023622371, (5661.60942879, 5661.26266943, 3749.04342793)),
+    (0.1, -0.000170847708709, (1614.3280896, 1591.87102209, 508.05489861)),
+    (0.15, -0.00033818140439, (2612.16401976, 2500.15960604, -175.040950266)),
+    (0.2, -0.000346690443779, (5020.44115968, 4806.16795356, 3350.64791212)),
+    (0.3, -0.00049422820707, (5768.21195861, 5354.67999555, 3079.95487185)),
+)
+POISSON = 0.2
+CONFINED = (1 - POISSON) / (1 + POISSON) / (1 - 2 * POISSON)
+
+
+def write_run(case: Case, name: str, values: dict[str, object]) -> None:
+    """Write the deck of a run with its values, and run it."""
+    text = (case.folder / "deck.nml").read_text()
+    for key, value in values.items():
+        text = text.replace(key, value if isinstance(value, str) else repr(float(value)))
+    (case.folder / f"{name}.nml").write_text(text)
+    case.run("talus-fem", f"{name}.nml")
+
+
+def listed(values: np.ndarray) -> str:
+    """Return values as a deck has them."""
+    return ", ".join(repr(float(v)) for v in values)
+
+
+def write_column(case: Case, name: str, height: float, n: int) -> np.ndarray:
+    """Write a column of n elements; return the height of its nodes."""
+    mesh = meshes.box(np.zeros(3), np.array([0.5, 0.5, height]), (1, 1, n))
+    mesh = converted(mesh, "hex20")
+    meshes.write_mesh(case.folder / f"{name}.h5", mesh)
+    return mesh.x[:, 2]
+
+
+def judge_ledger(case: Case, name: str, title: str) -> None:
+    """Judge energy and mass."""
+    energy = read_history(case.folder / f"{name}_energy.csv")
+    largest = max_of(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
+    case.below(f"{title}: ledger", float(abs(energy["closure"]).max() / largest), 1e-6)
+    books = read_history(case.folder / f"{name}_pore.csv")
+    off = abs(books["balance"]).max() / abs(books["z1 entered"]).max()
+    case.below(f"{title}: liquid unaccounted for", float(off), 1e-9)
+
+
+def judge_column(case: Case, ax: object) -> None:
+    """Judge the column under A (1 - cos w t) in 100 elements and steps of 1 ms."""
+    z = write_column(case, "column", 10.0, 100)
+    times = np.linspace(0.0, 0.3, 301)
+    write_run(case, "shaken", {
+        "T_END": 0.3, "MESH": "column", "YOUNG": 19.541e6 / CONFINED, "DENSITY": 0.67 * 2000.0,
+        "FLUID": 0.33e12, "POROSITY": 0.33, "PERMEABILITY": 1.0e-9, "TIMES": listed(times),
+        "VALUES": listed(1 - np.cos(75.0 * times)), "LOAD": 3000.0, "STEP": 1e-3, "THETA": 0.5,
+        "OUTPUT": 1e-3,
+    })  # fmt: skip
+    steps = field_steps(case.folder / "shaken.h5")
+    top = np.array([s.solid["u"][np.isclose(z, 10.0), 2].mean() for s in steps])
+    time = np.array([s.time for s in steps])
+    p = np.array([[s.solid["pressure"][np.isclose(z, at)].mean() for at in (0.0, 5.0, 9.0)]
+                  for s in steps])  # fmt: skip
+    off_u, off_p = [], []
+    for t, u, pressures in COLUMN:
+        k = int(np.argmin(abs(time - t)))
+        off_u.append(abs(top[k] - u) / abs(top).max())
+        off_p.append(np.abs(p[k] - pressures).max() / abs(p).max())
+    case.below("shaken: top, error / largest", max_of(off_u), 0.02)
+    case.below("shaken: pressures, error / largest", max_of(off_p), 0.02)
+    judge_ledger(case, "shaken", "shaken")
+    for k, name in enumerate(("0 m", "5 m", "9 m")):
+        ax.plot(time, p[:, k] / 1e3, lw=1, label=f"Talus, {name}")
+        ax.plot([row[0] for row in COLUMN], [row[2][k] / 1e3 for row in COLUMN], "k+", ms=10)
+    ax.set(xlabel="time [s]", ylabel="p [kPa]", title="+ exact")
+    ax.legend()
+
+
+def run(case: Case) -> None:
+    """Judge the shaken column; plot its pressures."""
+    fig, ax = case.figure()
+    judge_column(case, ax)
+    case.save(fig)
