@@ -38,6 +38,7 @@ ORDER = [
 ]
 ORDER += [
     "element-tests",
+    "pore-fluid",
     "measures",
     "prepost",
     "theory-dem",

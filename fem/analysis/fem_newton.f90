@@ -7,8 +7,9 @@ module fem_newton
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
   use fem_law, only: at_dissipated
+  use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, same_matrix, swing, &
+    work_on
   use fem_follower, only: follower_force, add_follower_stiffness
-  use fem_pore_element, only: fem_flow_energy_type
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
   implicit none
@@ -23,7 +24,6 @@ module fem_newton
   real(wp), parameter :: slack = 0.8_wp          !! |du'R| after over before that is good enough
   real(wp), parameter :: shortest = 0.1_wp       !! step of the line search
   real(wp), parameter :: diverged = 1.0e4_wp     !! residual over the first one
-  real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
   real(wp), parameter :: complete = 1.0e-12_wp   !! share of the step that may be left
 
   !> Start and target of a part of a step.
@@ -194,15 +194,6 @@ contains
     end associate
   end subroutine try_part
 
-  !> What the pore liquid has in common in a part.
-  subroutine begin_flow(self, dt)
-    type(fem_body_type), intent(inout) :: self
-    real(wp), intent(in) :: dt  !! [s]
-    if (.not. self%pore%active) return
-    call self%pore%begin(self%loads%curve, self%accepted%time, self%state%time)
-    if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
-  end subroutine begin_flow
-
   !> Why a part did not converge: forces or the liquid out of balance, and where.
   subroutine blame_balance(self, part, residual, iterations, ratio)
     type(fem_body_type), intent(in) :: self
@@ -266,11 +257,11 @@ contains
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(in) :: part
     integer(i4) :: k
-    if (same_matrix(self, part)) return
+    if (same_matrix(self, part%dt)) return
     call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%system%pattern, &
       self%system%k, self%system%lower)
     if (self%pore%active) then
-      call self%pore%take_step(matrix_step(self, part))
+      call self%pore%take_step(matrix_step(self, part%dt))
       call self%pore%add_matrix(self%mesh, self%dofs, self%elastic, self%system%pattern, &
         self%system%k, self%system%lower)
       call self%pore%take_step(part%dt)
@@ -290,24 +281,6 @@ contains
     call add_springs(self%port%robin, self%system%pattern, self%system%k, self%system%lower)
   end subroutine assemble
 
-  !> Are the factors those of this part? Only a linear solid with a liquid keeps them.
-  pure logical function same_matrix(self, part)
-    type(fem_body_type), intent(in) :: self
-    type(part_type), intent(in) :: part
-    same_matrix = self%pore%constant .and. self%system%factored_dt >= 0.0_wp .and. &
-      abs(part%dt - self%system%factored_dt) <= same_step*part%dt
-  end function same_matrix
-
-  !> Step of the matrix of a part [s]: that of the factors at a checkpoint where it is the same but
-  !! for rounding, so that a restart repeats every bit.
-  pure real(wp) function matrix_step(self, part)
-    type(fem_body_type), intent(in) :: self
-    type(part_type), intent(in) :: part
-    matrix_step = part%dt
-    if (self%pore%constant .and. abs(part%dt - self%system%restored_dt) <= same_step*part%dt) &
-      matrix_step = self%system%restored_dt
-  end function matrix_step
-
   !> Share of a pressure that follows the surface, in the part [-].
   pure real(wp) function follower_now(part, k)
     type(part_type), intent(in) :: part
@@ -326,7 +299,7 @@ contains
     real(wp) :: rate, mass_term
     du = 0.0_wp
     mass_term = 0.0_wp
-    if (.not. same_matrix(self, part)) then
+    if (.not. same_matrix(self, part%dt)) then
       if (self%scheme%dynamic) then
         rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta*part%dt)
         mass_term = 1.0_wp/(self%scheme%beta*part%dt**2) + rate*self%damping%mass
@@ -334,7 +307,7 @@ contains
       end if
       call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
         mass_term, errors, self%system%lower)
-      if (self%pore%constant) call self%system%keep_factors(matrix_step(self, part))
+      if (self%pore%constant) call self%system%keep_factors(matrix_step(self, part%dt))
     end if
     if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
     good = .not. errors%any()
@@ -355,11 +328,7 @@ contains
     real(wp) :: springs(3, self%dofs%blocks)
     call self%matter%update(self%mesh, self%dofs, self%elastic, self%accepted%u + moved, moved, &
                             internal, bad)
-    if (self%pore%active .and. self%scheme%dynamic) then
-      self%state%u = self%accepted%u + moved
-      call newmark_motion(self, self%pore%step%dt)
-      call self%pore%take_swing(self%accepted%a, self%state%a)
-    end if
+    if (self%pore%active .and. self%scheme%dynamic) call swing(self, moved)
     call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, moved, internal)
     if (self%supports%ground%n == 0) return
     call spring_force(self%supports%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
@@ -437,17 +406,6 @@ contains
     if (.not. good) call blame(self, part)
   end subroutine line_search
 
-  !> Work of a residual on a correction; the rows of pressures, which are negative, count positive,
-  !! so that the work of a stable body falls on the way [J].
-  pure real(wp) function work_on(self, du, residual)
-    type(fem_body_type), intent(in) :: self
-    real(wp), intent(in) :: du(:, :), residual(:, :)
-    integer(i4) :: n
-    n = self%dofs%solid
-    work_on = sum(du(:, :n)*residual(:, :n))
-    if (self%pore%active) work_on = work_on - sum(du(1, n + 1:)*residual(1, n + 1:))
-  end function work_on
-
   !> The element that dissipates most in the trial, as a text; '' where none does.
   pure function most_yielding(self) result(text)
     type(fem_body_type), intent(in) :: self
@@ -496,16 +454,6 @@ contains
       scale = max(scale, stiffest*round_off(self)/self%newton%tolerance)
     end if
   end subroutine measure
-
-  !> Volume of liquid out of balance over that which the balances of the nodes sum.
-  subroutine measure_leak(self, residual, leak)
-    type(fem_body_type), intent(in) :: self
-    real(wp), intent(in) :: residual(:, :)
-    real(wp), intent(out) :: leak
-    leak = 0.0_wp
-    if (self%pore%active) leak = norm2(residual(1, self%dofs%solid + 1:)) &
-      /max(norm2(self%pore%gross), tiny(1.0_wp))
-  end subroutine measure_leak
 
   !> Norm of displacements that deformation gradients of finite strain cannot tell from none [m]:
   !! some units in the last place of 1 over an element, at every node.
@@ -567,25 +515,6 @@ contains
     if (self%pore%active) call finish_flow(self)
     if (self%scheme%dynamic) call finish_motion(self, part, moved)
   end subroutine finish
-
-  !> Books and energies of the pore liquid: work of the mean pressure on what entered, and of the
-  !! weight of the liquid on its flow.
-  subroutine finish_flow(self)
-    type(fem_body_type), intent(inout) :: self
-    type(fem_flow_energy_type) :: energy
-    associate (s => self%state, old => self%accepted, e => self%energy, p => self%pore)
-      call p%account(self%mesh, self%dofs, self%elastic, old%u, s%u, energy)
-      call p%enter(-s%reaction(1, :))
-      e%liquid = energy%stored
-      e%darcy = e%darcy + energy%darcy
-      e%flow = e%flow + energy%fall + 0.5_wp*sum((s%u(1, self%dofs%solid + 1:) &
-        + old%u(1, self%dofs%solid + 1:))*(p%step%dt*p%rate(self%dofs%solid + 1:) &
-        - s%reaction(1, self%dofs%solid + 1:)))
-      p%books%numerical = p%accepted_books%numerical + energy%numerical
-      e%numerical = e%numerical + p%books%numerical  ! statics have the sum, dynamics the step's
-      if (self%scheme%dynamic) e%numerical = e%numerical - p%accepted_books%numerical
-    end associate
-  end subroutine finish_flow
 
   !> Kinetic energy, damping and numerical dissipation of the scheme.
   subroutine finish_motion(self, part, moved)

@@ -99,8 +99,7 @@ contains
     ledger = self%accepted_energy
     ledger%start = ledger%start + energy%stored - ledger%liquid
     ledger%liquid = energy%stored
-    call self%take_energy(ledger)
-    self%accepted_energy = ledger
+    call self%begin_ledger(ledger)
   end subroutine begin_liquid
 
   !> Keep all pressures where they are, or let them go.

@@ -52,6 +52,7 @@ module fem_body_state
     procedure :: hand_over
     procedure :: begin_energy
     procedure :: take_energy
+    procedure :: begin_ledger
     procedure :: accept
     procedure :: reject
     procedure, private :: accept_rigid
@@ -175,6 +176,14 @@ contains
     type(fem_energy_type), intent(in) :: energy
     self%energy = energy
   end subroutine take_energy
+
+  !> The ledger of the accepted state, and of the trial, is this.
+  pure subroutine begin_ledger(self, energy)
+    class(fem_body_state_type), intent(inout) :: self
+    type(fem_energy_type), intent(in) :: energy
+    self%energy = energy
+    self%accepted_energy = energy
+  end subroutine begin_ledger
 
   !> Accept the trial state without a copy: the arrays change places, and `state` holds what is old
   !! until the next step fills it. For runs that use `accepted` alone and never reject.

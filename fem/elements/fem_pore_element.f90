@@ -175,7 +175,7 @@ contains
     type(fem_flow_step_type), intent(in) :: step
     real(wp), intent(out) :: coupling(:, :, :), flow(:, :)
     real(wp) :: share, drag
-    integer(i4) :: q, b, a
+    integer(i4) :: q, b
     coupling = 0.0_wp
     flow = -wet%steady
     share = step%dt*step%theta
@@ -184,10 +184,7 @@ contains
       associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q), h => wet%slope(:, :, q))
         do b = 1, rule%corners
           coupling(:, b, 1) = coupling(:, b, 1) - weight*skeleton%biot*n(b)*wet%volume(:, q)
-          do a = 1, rule%nodes
-            coupling(3*a - 2:3*a, b, 2) = coupling(3*a - 2:3*a, b, 2) &
-              - weight*drag*rule%at%u(a, q)*skeleton%mobility*h(:, b)
-          end do
+          call add_drag(-weight*drag*skeleton%mobility*h(:, b), rule%at%u(:, q), coupling(:, b, 2))
           flow(:, b) = flow(:, b) - weight*(skeleton%storage*n(b)*n &
                                             + share*matmul(skeleton%mobility*h(:, b), h))
         end do
@@ -195,6 +192,16 @@ contains
     end do
     coupling(:, :, 2) = coupling(:, :, 1) + coupling(:, :, 2)
   end subroutine wet_matrix
+
+  !> Add a vector times the functions of the displacement.
+  pure subroutine add_drag(vector, n, column)
+    real(wp), intent(in) :: vector(3), n(:)
+    real(wp), intent(inout) :: column(:)  !! (3 nodes)
+    integer(i4) :: a
+    do a = 1, size(n)
+      column(3*a - 2:3*a) = column(3*a - 2:3*a) + n(a)*vector
+    end do
+  end subroutine add_drag
 
   !> Darcy's flow at point q for pressures p of the corners [m/s].
   pure function darcy_flow(skeleton, wet, fall, p, q) result(w)

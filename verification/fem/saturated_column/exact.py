@@ -16,6 +16,9 @@ COLUMN = (
     (0.2, -0.000346690443779, (5020.44115968, 4806.16795356, 3350.64791212)),
     (0.3, -0.00049422820707, (5768.21195861, 5354.67999555, 3079.95487185)),
 )
+# frequency [Hz], amplitudes of the top [m/Pa] and of the pressure at the base [-]
+HARMONIC = ((5.0, 2.52541486897e-09, 0.985130640255), (20.0, 1.75766883237e-09, 1.06107423492))
+CYCLES, RAMP, STEPS = 14, 8, 60
 POISSON = 0.2
 CONFINED = (1 - POISSON) / (1 + POISSON) / (1 - 2 * POISSON)
 
@@ -82,8 +85,40 @@ def judge_column(case: Case, ax: object) -> None:
     ax.legend()
 
 
+def judge_harmonic(case: Case, ax: object) -> None:
+    """Judge amplitudes after a load that grows to a harmonic one over eight cycles."""
+    z = write_column(case, "harmonic", 5.0, 60)
+    for frequency, top, base in HARMONIC:
+        period = 1 / frequency
+        times = np.linspace(0.0, CYCLES * period, CYCLES * STEPS + 1)
+        growth = np.clip(times / (RAMP * period), 0.0, 1.0)
+        load = np.sin(2 * np.pi * frequency * times) * growth**2 * (3 - 2 * growth)
+        name = f"harmonic_{frequency:.0f}"
+        write_run(case, name, {
+            "T_END": times[-1], "MESH": "harmonic", "YOUNG": 1.0e8 / CONFINED,
+            "DENSITY": 0.6 * 2650.0, "FLUID": 2.0e9, "POROSITY": 0.4, "PERMEABILITY": 1.0e-11,
+            "TIMES": listed(times), "VALUES": listed(load), "LOAD": 1000.0,
+            "STEP": period / STEPS, "THETA": 0.5, "OUTPUT": 2 * period / STEPS,
+        })  # fmt: skip
+        steps = field_steps(case.folder / f"{name}.h5")
+        late = [s for s in steps if s.time > (CYCLES - 4.01) * period]
+        t = np.array([s.time for s in late])
+        u = np.array([s.solid["u"][np.isclose(z, 5.0), 2].mean() for s in late])
+        p = np.array([s.solid["pressure"][np.isclose(z, 0.0)].mean() for s in late])
+        phase = 2 * np.pi * frequency * t
+        basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(t), t])
+        for what, values, exact in (("top", u, top), ("base", p, base)):
+            fit = np.linalg.lstsq(basis, values / 1000.0, rcond=None)[0]
+            case.metric(f"{frequency:.0f} Hz: amplitude of the {what} / exact",
+                        float(np.hypot(*fit[:2]) / exact), 1.0, 0.01)  # fmt: skip
+        ax.plot(phase / 2 / np.pi, p / 1000.0 / base, label=f"{frequency:.0f} Hz, p at the base")
+    ax.set(xlabel="cycles", ylabel="p / exact amplitude [-]")
+    ax.legend()
+
+
 def run(case: Case) -> None:
-    """Judge the shaken column; plot its pressures."""
-    fig, ax = case.figure()
+    """Judge the shaken column and harmonic motions; plot pressures."""
+    fig, (ax, bx) = case.figure(ncols=2)
     judge_column(case, ax)
+    judge_harmonic(case, bx)
     case.save(fig)

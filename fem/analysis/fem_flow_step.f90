@@ -1,0 +1,91 @@
+!> The pore liquid in a step of Newton's method (fem_newton): what it has in common, which factors
+!! serve it, its balance, its books and energies.
+module fem_flow_step
+  use talus_kinds, only: wp, i4
+  use fem_body, only: fem_body_type
+  use fem_newmark, only: newmark_motion
+  use fem_pore_element, only: fem_flow_energy_type
+  implicit none
+  private
+  public :: begin_flow, finish_flow, matrix_step, measure_leak, same_matrix, swing, work_on
+
+  real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
+
+contains
+
+  !> What the pore liquid has in common in a part.
+  subroutine begin_flow(self, dt)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    if (.not. self%pore%active) return
+    call self%pore%begin(self%loads%curve, self%accepted%time, self%state%time)
+    if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
+  end subroutine begin_flow
+
+  !> Are the factors those of this part? Only a linear solid with a liquid keeps them.
+  pure logical function same_matrix(self, dt)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    same_matrix = self%pore%constant .and. self%system%factored_dt >= 0.0_wp .and. &
+      abs(dt - self%system%factored_dt) <= same_step*dt
+  end function same_matrix
+
+  !> Step of the matrix of a part [s]: that of the factors at a checkpoint where it is the same but
+  !! for rounding, so that a restart repeats every bit.
+  pure real(wp) function matrix_step(self, dt)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    matrix_step = dt
+    if (self%pore%constant .and. abs(dt - self%system%restored_dt) <= same_step*dt) &
+      matrix_step = self%system%restored_dt
+  end function matrix_step
+
+  !> Work of a residual on a correction; the rows of pressures, which are negative, count positive,
+  !! so that the work of a stable body falls on the way [J].
+  pure real(wp) function work_on(self, du, residual)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: du(:, :), residual(:, :)
+    integer(i4) :: n
+    n = self%dofs%solid
+    work_on = sum(du(:, :n)*residual(:, :n))
+    if (self%pore%active) work_on = work_on - sum(du(1, n + 1:)*residual(1, n + 1:))
+  end function work_on
+
+  !> Volume of liquid out of balance over that which the balances of the nodes sum.
+  subroutine measure_leak(self, residual, leak)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out) :: leak
+    leak = 0.0_wp
+    if (self%pore%active) leak = norm2(residual(1, self%dofs%solid + 1:)) &
+      /max(norm2(self%pore%gross), tiny(1.0_wp))
+  end subroutine measure_leak
+
+  !> Books and energies of the pore liquid: work of the mean pressure on what entered, and of the
+  !! weight of the liquid on its flow.
+  subroutine finish_flow(self)
+    type(fem_body_type), intent(inout) :: self
+    type(fem_flow_energy_type) :: energy
+    associate (s => self%state, old => self%accepted, e => self%energy, p => self%pore)
+      call p%account(self%mesh, self%dofs, self%elastic, old%u, s%u, energy)
+      call p%enter(-s%reaction(1, :))
+      e%liquid = energy%stored
+      e%darcy = e%darcy + energy%darcy
+      e%flow = e%flow + energy%fall + 0.5_wp*sum((s%u(1, self%dofs%solid + 1:) &
+        + old%u(1, self%dofs%solid + 1:))*(p%step%dt*p%rate(self%dofs%solid + 1:) &
+        - s%reaction(1, self%dofs%solid + 1:)))
+      p%books%numerical = p%accepted_books%numerical + energy%numerical
+      e%numerical = e%numerical + p%books%numerical  ! statics have the sum, dynamics the step's
+      if (self%scheme%dynamic) e%numerical = e%numerical - p%accepted_books%numerical
+    end associate
+  end subroutine finish_flow
+
+  !> Accelerations for displacements `moved` in the step: the liquid falls with them.
+  subroutine swing(self, moved)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: moved(:, :)  !! (3, blocks)
+    self%state%u = self%accepted%u + moved
+    call newmark_motion(self, self%pore%step%dt)
+    call self%pore%take_swing(self%accepted%a, self%state%a)
+  end subroutine swing
+end module fem_flow_step

@@ -1,0 +1,78 @@
+"""Upward flow through a saturated column against Terzaghi's critical gradient."""
+
+import re
+
+import numpy as np
+
+from talus import mesh as meshes
+from talus.compare import max_of
+from talus.orders import converted
+from talus.verification import Case, field_steps, read_history
+
+HEIGHT, POROSITY, GRAINS, WATER, GRAVITY, MOBILITY = 0.1, 0.4, 2650.0, 1000.0, 9.81, 1.0e-6
+CRITICAL = (GRAINS / WATER - 1) * (1 - POROSITY)
+RATIOS = (0.0, 0.25, 0.5, 0.75, 0.9, 1.0)
+VELOCITY = MOBILITY * CRITICAL * WATER * GRAVITY  # at the critical gradient
+EXCESS = CRITICAL * WATER * GRAVITY * HEIGHT
+DRIVES = {
+    # what is held at the base is hydrostatic and constant; the excess is a second group on it
+    "pressure": "&pore_pressure group = 'z0', value = {0!r}, curve = 'base' /\n"
+    "&curve id = 'base', times = {1}, values = {2} /",
+    "flux": "&flux group = 'z0', value = {0!r}, curve = 'rise' /",
+}
+TIMES = (0.0, 8.0, 8.1, 16.0, 16.1, 24.0, 24.1, 32.0, 32.1, 40.0, 40.1, 48.0)
+
+
+def judge(case: Case, element: str, drive: str, ax: object) -> None:
+    """Judge stress, pressure and flow of a column at six gradients."""
+    kind = element.split("_")[0]
+    mesh = meshes.box(np.zeros(3), np.array([0.02, 0.02, HEIGHT]), (1, 1, 5))
+    mesh = converted(mesh, kind)
+    meshes.write_mesh(case.folder / f"{kind}.h5", mesh)
+    rest = WATER * GRAVITY * HEIGHT
+    values = [1 + r * EXCESS / rest for r in RATIOS for _ in (0, 1)]
+    times = ", ".join(map(str, TIMES))
+    value = VELOCITY if drive == "flux" else rest
+    line = DRIVES[drive].format(value, times, ", ".join(map(repr, values)))
+    text = (case.folder / "deck.nml").read_text()
+    for key, value in (("MESH", kind), ("ELEMENT", element), ("DRIVE", line)):
+        text = text.replace(key, value)
+    name = f"{drive}_{element}"
+    (case.folder / f"{name}.nml").write_text(text)
+    case.run("talus-fem", f"{name}.nml")
+    steps = field_steps(case.folder / f"{name}.h5")
+    title = f"{drive}, {element}"
+    log = (case.folder / f"{name}.log").read_text()
+    settled = float(re.search(r"settled under the initial stress\s+(\S+) m", log)[1])
+    case.below(f"{title}: motion to the start [m]", settled, 1e-15)
+    stress, flow, pressure, base = [], [], [], []
+    z = mesh.x[:, 2]
+    for ratio, step in zip(RATIOS, steps[1:], strict=True):
+        points, found = step.solid["points_x"][:, 2], step.solid["stress_points"][:, 2]
+        exact = -(1 - ratio) * (HEIGHT - points) * EXCESS / HEIGHT
+        stress.append(np.abs(found - exact).max() / EXCESS)
+        head = WATER * GRAVITY * (HEIGHT - z) + ratio * EXCESS * (HEIGHT - z) / HEIGHT
+        pressure.append(np.abs(step.solid["pressure"] - head).max() / EXCESS)
+        flow.append(np.abs(step.solid["darcy"][:, 2] - ratio * VELOCITY).max() / VELOCITY)
+        base.append(-np.polyval(np.polyfit(points, found, 1), 0.0) / EXCESS)
+    case.below(f"{title}: effective stress, error / buoyant weight", max_of(stress), 1e-8)
+    case.below(f"{title}: pressure, error / excess", max_of(pressure), 1e-8)
+    case.below(f"{title}: flow, error / critical", max_of(flow), 1e-8)
+    books = read_history(case.folder / f"{name}_pore.csv")
+    off = abs(books["balance"]).max() / abs(books["z1 entered"]).max()
+    case.below(f"{title}: liquid unaccounted for", float(off), 1e-12)
+    energy = read_history(case.folder / f"{name}_energy.csv")
+    largest = max_of(abs(v).max() for k, v in energy.items() if k not in ("time", "closure"))
+    case.below(f"{title}: ledger", float(abs(energy["closure"]).max() / largest), 1e-12)
+    ax.plot(RATIOS, base, "o" if drive == "pressure" else "x", mfc="none", label=title)
+
+
+def run(case: Case) -> None:
+    """Judge columns that are driven by pressure and by flux; plot the stress at the base."""
+    fig, ax = case.figure()
+    for element, drive in (("hex20", "pressure"), ("hex20", "flux"), ("hex27", "pressure")):
+        judge(case, element, drive, ax)
+    ax.plot([0, 1], [1, 0], "k-", lw=1, label="exact")
+    ax.set(xlabel="gradient / critical [-]", ylabel="effective stress at the base / first [-]")
+    ax.legend()
+    case.save(fig)
