@@ -15,6 +15,7 @@ module fem_pore
   implicit none
   private
   public :: fem_pore_type, fem_held_pressure_type, fem_inflow_type, fem_pore_books_type
+  public :: fem_leak_type
 
   integer(i4), parameter :: chunks = 64       !! of elements, whatever the number of threads
   real(wp), parameter :: least = 1.0e-5_wp    !! share of volumes that cancel in a balance's size
@@ -35,7 +36,21 @@ module fem_pore
     real(wp), allocatable :: rate(:)        !! (blocks) [m^3/s]
   end type fem_inflow_type
 
-  !> What entered so far, by held groups and then by inflows, and what is there.
+  !> Faces that let liquid out by c (p - outside), shared out to their nodes; of a seepage face
+  !! only outward.
+  type :: fem_leak_type
+    character(len=name_length) :: name = ''
+    integer(i4) :: curve = 0                !! of the pressure outside
+    logical :: one_way = .false.
+    real(wp) :: outside = 0.0_wp            !! [Pa]
+    real(wp) :: now = 0.0_wp                !! pressure outside in the step [Pa]
+    real(wp) :: rate = 0.0_wp               !! inflow in the step [m^3/s]
+    integer(i4), allocatable :: block(:)
+    real(wp), allocatable :: conductance(:) !! c times the share of the area [m^3/(Pa s)]
+    logical, allocatable :: open(:)         !! liquid passes in the trial
+  end type fem_leak_type
+
+  !> What entered so far, by held groups, then by inflows and leaks, and what is there.
   type :: fem_pore_books_type
     real(wp), allocatable :: entered(:)     !! [m^3]
     real(wp), allocatable :: rate(:)        !! of the last step [m^3/s]
@@ -55,7 +70,9 @@ module fem_pore
     real(wp), allocatable :: confined(:)    !! (elements) oedometric moduli at the start [Pa]
     type(fem_held_pressure_type), allocatable :: held(:)
     type(fem_inflow_type), allocatable :: inflow(:)
-    real(wp), allocatable :: rate(:)        !! (blocks) inflow of the step [m^3/s]
+    type(fem_leak_type), allocatable :: leak(:)
+    real(wp), allocatable :: given(:)       !! (blocks) inflow of the step, without leaks [m^3/s]
+    real(wp), allocatable :: rate(:)        !! (blocks) with leaks [m^3/s]
     real(wp), allocatable :: start(:, :)    !! (3, blocks) state that contents count from
     type(fem_pore_books_type) :: books, accepted_books
     real(wp), allocatable :: swing(:, :)    !! (3, blocks) mean acceleration of a step [m/s^2]
@@ -92,8 +109,10 @@ contains
     self%confined = moduli(1, :) + 2.0_wp*moduli(2, :) + moduli(3, :)
     if (allocated(self%rate)) return
     self%start = u
-    allocate (self%rate(dofs%blocks), self%gross(dofs%blocks), source=0.0_wp)
-    allocate (self%books%entered(size(self%held) + size(self%inflow)), source=0.0_wp)
+    allocate (self%rate(dofs%blocks), self%gross(dofs%blocks), self%given(dofs%blocks), &
+      source=0.0_wp)
+    allocate (self%books%entered(size(self%held) + size(self%inflow) + size(self%leak)), &
+      source=0.0_wp)
     self%books%rate = self%books%entered
     self%accepted_books = self%books
   end subroutine prepare
@@ -130,15 +149,64 @@ contains
     integer(i4) :: k
     if (.not. self%active) return
     self%step%dt = t1 - t0
-    self%rate = 0.0_wp
+    self%given = 0.0_wp
     do k = 1, size(self%inflow)
       associate (i => self%inflow(k), theta => self%step%theta)
         if (i%curve > 0) i%factor = theta*curve(i%curve)%at(t1) &
           + (1.0_wp - theta)*curve(i%curve)%at(t0)
-        self%rate = self%rate + i%factor*i%rate
+        self%given = self%given + i%factor*i%rate
+      end associate
+    end do
+    do k = 1, size(self%leak)
+      associate (l => self%leak(k), theta => self%step%theta)
+        l%now = l%outside
+        if (l%curve > 0) l%now = l%outside*(theta*curve(l%curve)%at(t1) &
+          + (1.0_wp - theta)*curve(l%curve)%at(t0))
       end associate
     end do
   end subroutine begin
+
+  !> Inflow of the step with that of the leaks for pressures at its start and end, and the sizes of
+  !! what it sums.
+  subroutine let_in(self, start, after)
+    class(fem_pore_type), intent(inout) :: self
+    real(wp), intent(in) :: start(:), after(:)  !! (blocks) [Pa]
+    real(wp) :: inward
+    integer(i4) :: k, a
+    self%rate = self%given
+    self%gross = abs(self%step%dt*self%given)
+    do k = 1, size(self%leak)
+      associate (l => self%leak(k), theta => self%step%theta)
+        l%rate = 0.0_wp
+        do a = 1, size(l%block)
+          inward = l%conductance(a)*(l%now - theta*after(l%block(a)) &
+                                     - (1.0_wp - theta)*start(l%block(a)))
+          l%open(a) = .not. l%one_way .or. inward < 0.0_wp
+          if (.not. l%open(a)) cycle
+          self%rate(l%block(a)) = self%rate(l%block(a)) + inward
+          self%gross(l%block(a)) = self%gross(l%block(a)) + abs(self%step%dt*inward)
+          l%rate = l%rate + inward
+        end do
+      end associate
+    end do
+  end subroutine let_in
+
+  !> Add the slopes of the leaks to a matrix.
+  pure subroutine add_leaks(self, pattern, k)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(inout) :: k(:, :, :)
+    integer(i4) :: i, a, p
+    do i = 1, size(self%leak)
+      associate (l => self%leak(i))
+        do a = 1, size(l%block)
+          p = pattern%start(l%block(a))  ! the diagonal is first in its row
+          if (l%open(a)) k(1, 1, p) = k(1, 1, p) &
+            - self%step%dt*self%step%theta*l%conductance(a)
+        end do
+      end associate
+    end do
+  end subroutine add_leaks
 
   !> The length of a step.
   subroutine take_step(self, dt)
@@ -231,7 +299,7 @@ contains
     do k = 1, size(dofs%block)
       total(:, dofs%block(k)) = total(:, dofs%block(k)) + nodal(:, k)
     end do
-    self%gross = abs(self%step%dt*self%rate)
+    call let_in(self, old(1, :), old(1, :) + moved(1, :))
     total(1, :) = total(1, :) + self%step%dt*self%rate
     do k = 1, size(dofs%wet)
       total(1, dofs%wet(k)) = total(1, dofs%wet(k)) + flow(k)
@@ -302,6 +370,7 @@ contains
     real(wp), allocatable :: coupling(:, :, :), flow(:, :)
     integer(i4) :: e, rule
     if (.not. self%active) return
+    call add_leaks(self, pattern, k)
     rule = 0
     do e = 1, mesh%elements
       if (self%skeleton_of(e) == 0) cycle
@@ -351,24 +420,25 @@ contains
   subroutine enter(self, raw)
     class(fem_pore_type), intent(inout) :: self
     real(wp), intent(in) :: raw(:)  !! (blocks)
-    real(wp) :: left(size(raw)), volume
-    integer(i4) :: k
+    real(wp) :: left(size(raw)), volume(size(self%books%entered))
+    integer(i4) :: k, n
     left = raw
-    associate (b => self%books, old => self%accepted_books, dt => self%step%dt)
-      b%through = old%through
-      do k = 1, size(self%held)
-        volume = sum(left(self%held(k)%block))
-        left(self%held(k)%block) = 0.0_wp  ! a node of two groups counts in the first
-        b%entered(k) = old%entered(k) + volume
-        b%through = b%through + abs(volume)
-        if (dt > 0.0_wp) b%rate(k) = volume/dt
-      end do
-      do k = 1, size(self%inflow)
-        volume = dt*self%inflow(k)%factor*sum(self%inflow(k)%rate)
-        b%entered(size(self%held) + k) = old%entered(size(self%held) + k) + volume
-        b%through = b%through + abs(volume)
-        if (dt > 0.0_wp) b%rate(size(self%held) + k) = volume/dt
-      end do
+    do k = 1, size(self%held)
+      volume(k) = sum(left(self%held(k)%block))
+      left(self%held(k)%block) = 0.0_wp  ! a node of two groups counts in the first
+    end do
+    n = int(size(self%held), i4)
+    do k = 1, size(self%inflow)
+      volume(n + k) = self%step%dt*self%inflow(k)%factor*sum(self%inflow(k)%rate)
+    end do
+    n = n + int(size(self%inflow), i4)
+    do k = 1, size(self%leak)
+      volume(n + k) = self%step%dt*self%leak(k)%rate
+    end do
+    associate (b => self%books, old => self%accepted_books)
+      b%entered = old%entered + volume
+      b%through = old%through + sum(abs(volume))
+      if (self%step%dt > 0.0_wp) b%rate = volume/self%step%dt
     end associate
   end subroutine enter
 

@@ -95,6 +95,10 @@ contains
     do k = 1, size(body%pore%inflow)
       call name_columns(trim(body%pore%inflow(k)%name)//' flux')
     end do
+    do k = 1, size(body%pore%leak)
+      call name_columns(trim(body%pore%leak(k)%name)// &
+                        trim(merge(' seepage', ' leak   ', body%pore%leak(k)%one_way)))
+    end do
 
   contains
 

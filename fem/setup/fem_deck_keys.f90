@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 39)
+    call table%init('talus-fem', 41)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -40,6 +40,8 @@ contains
     call group_pore(table)
     call group_pore_pressure(table)
     call group_flux(table)
+    call group_leak(table)
+    call group_seepage(table)
     call group_water_table(table)
     call group_initial_stress(table)
     call group_geostatic(table)
@@ -1094,6 +1096,37 @@ contains
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
   end subroutine group_flux
+
+  subroutine group_leak(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('leak', 4, &
+      'A face through which liquid leaks: w = coefficient (p - pressure) outward, as ' &
+      //'through a thin layer of less permeability.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('coefficient', 'real', 'm/(Pa s)', &
+      'Flow by pressure difference: k/(viscosity thickness) of a layer.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-30_wp, 1000000000000.0_wp)
+    call table%add_key('pressure', 'real', 'Pa', &
+      'Pressure outside, where it is constant over the face.')
+    call table%preset('0.0')
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales the pressure outside; without one it is constant.')
+    call table%preset('')
+  end subroutine group_leak
+
+  subroutine group_seepage(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('seepage', 1, &
+      'A face to the open air that liquid may leave but not enter: p <= 0, flow ' &
+      //'outward, and one of both is zero at every node. Where nothing leaves the face is' &
+      //' impervious. It is a leak of 10 000 times the conductance of an element.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+  end subroutine group_seepage
 
   subroutine group_water_table(table)
     type(key_table_type), intent(inout) :: table

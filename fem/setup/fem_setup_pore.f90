@@ -1,4 +1,5 @@
-!> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &water_table.
+!> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &leak, &seepage,
+!! &water_table.
 module fem_setup_pore
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -9,15 +10,15 @@ module fem_setup_pore
   use fem_dofs, only: number_pressures
   use fem_loads, only: couple_force
   use fem_mesh, only: find_group, group_hint
-  use fem_pore, only: fem_held_pressure_type, fem_inflow_type
+  use fem_pore, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
   use fem_pore_element, only: fem_skeleton_type
   use fem_types, only: group_facet, group_node, group_volume
   implicit none
   private
   public :: read_skeletons, number_wet, read_liquid
 
-  character(len=*), parameter :: groups(3) = [character(len=14) :: 'pore_pressure', 'flux', &
-                                              'water_table']
+  character(len=*), parameter :: groups(5) = [character(len=14) :: 'pore_pressure', 'flux', &
+                                              'leak', 'seepage', 'water_table']
 
 contains
 
@@ -39,6 +40,7 @@ contains
     body%pore%active = .true.
     body%pore%step%gravity = body%loads%gravity
     allocate (body%pore%skeleton(deck%count('pore')), body%pore%held(0), body%pore%inflow(0))
+    allocate (body%pore%leak(0))
     allocate (body%pore%skeleton_of(body%mesh%elements), source=0)
     call deck%get('analysis', 1, 'theta', body%pore%step%theta)
     do k = 1, size(body%pore%skeleton)
@@ -56,7 +58,7 @@ contains
       end associate
     end do
     body%matter%symmetric = .not. body%scheme%dynamic  ! the liquid's inertia is in one row alone
-    body%pore%constant = .true.
+    body%pore%constant = deck%count('seepage') == 0
     do m = 1, size(body%matter%law)
       if (any(body%matter%law_of == m)) &
         body%pore%constant = body%pore%constant .and. .not. body%matter%law(m)%law%stateful
@@ -223,6 +225,12 @@ contains
     do k = 1, deck%count('flux')
       call read_flux(deck, body, k, errors)
     end do
+    do k = 1, deck%count('leak')
+      call read_leak(deck, body, k, errors)
+    end do
+    do k = 1, deck%count('seepage')
+      call read_seepage(deck, body, k, errors)
+    end do
   end subroutine read_liquid
 
   !> Nodes with a pressure of the group that an instance names; fault D447 where there are none.
@@ -326,6 +334,32 @@ contains
     body%accepted%u = body%state%u
   end subroutine begin_under
 
+  !> Shares of a value per area of the nodes of the facets that an instance of a group names; fault
+  !! D447 where a facet has no pressures.
+  subroutine wet_shares(deck, body, group, k, value, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: group
+    integer(i4), intent(in) :: k
+    real(wp), intent(inout) :: value(:)  !! (blocks): in the first, the value; out, the shares
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    real(wp) :: shares(3, body%dofs%blocks)
+    integer(i4) :: g, missing
+    call deck%get(group, k, 'group', name)
+    g = find_group(body%mesh, name, [group_facet])
+    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
+      group, k, 'group', group_hint(body%mesh, name, [group_facet]))
+    if (errors%any()) return
+    shares = 0.0_wp
+    call couple_force(body%mesh, body%mesh%group(g), body%dofs%p, [value(1), 0.0_wp, 0.0_wp], &
+                      shares, missing)
+    if (missing > 0) call deck%fault(errors, 'D447', 'node '//str(missing)//" of '"//name// &
+      "' has no pressure", group, k, 'group', 'liquid passes faces of elements whose material '// &
+      'has a &pore')
+    value = shares(1, :)
+  end subroutine wet_shares
+
   !> A &flux through facets.
   subroutine read_flux(deck, body, k, errors)
     type(deck_type), intent(in) :: deck
@@ -335,28 +369,85 @@ contains
     type(fem_inflow_type) :: inflow
     type(fem_inflow_type), allocatable :: longer(:)
     character(len=:), allocatable :: name
-    real(wp) :: value, shares(3, body%dofs%blocks)
-    integer(i4) :: g, n, missing
+    real(wp) :: share(body%dofs%blocks)
+    integer(i4) :: n
 
     call deck%get('flux', k, 'group', name)
-    call deck%get('flux', k, 'value', value)
+    call deck%get('flux', k, 'value', share(1))
     call curve_index(deck, 'D303', body%loads%curve, 'flux', k, inflow%curve, errors)
-    g = find_group(body%mesh, name, [group_facet])
-    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
-      'flux', k, 'group', group_hint(body%mesh, name, [group_facet]))
+    call wet_shares(deck, body, 'flux', k, share, errors)
     if (errors%any()) return
     inflow%name = name
-    shares = 0.0_wp
-    call couple_force(body%mesh, body%mesh%group(g), body%dofs%p, [value, 0.0_wp, 0.0_wp], &
-                      shares, missing)
-    if (missing > 0) call deck%fault(errors, 'D447', 'node '//str(missing)//" of '"//name// &
-      "' has no pressure", 'flux', k, 'group', &
-      'liquid enters elements whose material has a &pore')
-    inflow%rate = shares(1, :)
+    allocate (inflow%rate(body%dofs%blocks))
+    inflow%rate = share
     n = int(size(body%pore%inflow), i4)
     allocate (longer(n + 1))
     longer(:n) = body%pore%inflow
     longer(n + 1) = inflow
     call move_alloc(longer, body%pore%inflow)
   end subroutine read_flux
+
+  !> A &leak: c (p - outside) by area.
+  subroutine read_leak(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    type(fem_leak_type) :: leak
+    character(len=:), allocatable :: name
+    real(wp) :: share(body%dofs%blocks)
+
+    call deck%get('leak', k, 'group', name)
+    call deck%get('leak', k, 'coefficient', share(1))
+    call deck%get('leak', k, 'pressure', leak%outside)
+    call curve_index(deck, 'D303', body%loads%curve, 'leak', k, leak%curve, errors)
+    call wet_shares(deck, body, 'leak', k, share, errors)
+    if (errors%any()) return
+    leak%name = name
+    call append_leak(body, leak, share)
+  end subroutine read_leak
+
+  !> A &seepage face: a leak to the atmosphere that only lets out, and far more pervious than the
+  !! elements: p is wrong by a ten-thousandth of its change over one of them.
+  subroutine read_seepage(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    real(wp), parameter :: pervious = 1.0e4_wp
+    type(fem_leak_type) :: leak
+    character(len=:), allocatable :: name
+    real(wp) :: share(body%dofs%blocks), size_of, most
+    integer(i4) :: s
+
+    call deck%get('seepage', k, 'group', name)
+    share(1) = 1.0_wp
+    call wet_shares(deck, body, 'seepage', k, share, errors)
+    if (errors%any()) return
+    most = 0.0_wp
+    do s = 1, size(body%pore%skeleton)
+      most = max(most, maxval(body%pore%skeleton(s)%mobility))
+    end do
+    size_of = sqrt(sum(share)/count(share > 0.0_wp))
+    leak%name = name
+    leak%one_way = .true.
+    call append_leak(body, leak, pervious*most/size_of*share)
+  end subroutine read_seepage
+
+  !> One leak more, with its conductances at the blocks.
+  subroutine append_leak(body, leak, share)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_leak_type), intent(inout) :: leak
+    real(wp), intent(in) :: share(:)
+    type(fem_leak_type), allocatable :: longer(:)
+    integer(i4) :: n, b
+    leak%block = pack([(b, b=1, body%dofs%blocks)], share > 0.0_wp)
+    leak%conductance = pack(share, share > 0.0_wp)
+    allocate (leak%open(size(leak%block)), source=.not. leak%one_way)
+    n = int(size(body%pore%leak), i4)
+    allocate (longer(n + 1))
+    longer(:n) = body%pore%leak
+    longer(n + 1) = leak
+    call move_alloc(longer, body%pore%leak)
+  end subroutine append_leak
 end module fem_setup_pore
