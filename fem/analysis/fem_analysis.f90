@@ -25,6 +25,7 @@ module fem_analysis
                                               !! it is another
     character(len=:), allocatable :: table !! <deck>_<table>.csv has the rows of the analysis; ''
     real(wp) :: t_end = 0.0_wp, dt = 0.0_wp  !! end and step of a run of its own, 0: open [s]
+    logical :: variable = .false.          !! steps have any length, see `next_time`
     logical :: listed = .false.            !! steps are items of a list (modes), not times
     logical :: iterative = .false.         !! conjugate gradients may solve the equations
     logical :: solves = .true.             !! answers SOLVE at the port
@@ -40,6 +41,7 @@ module fem_analysis
     procedure :: begin
     procedure :: check_held
     procedure :: complete
+    procedure :: next_time
     procedure :: steps_between
     procedure :: accept
     procedure :: reject
@@ -162,6 +164,13 @@ contains
     type(fem_body_type), intent(in) :: body
     complete = body%accepted%time >= self%t_end - near*self%dt
   end function complete
+
+  !> Time of the next step of a kind whose steps vary; it may come out shorter [s].
+  pure real(wp) function next_time(self, body)
+    class(fem_analysis_type), intent(in) :: self
+    type(fem_body_type), intent(in) :: body
+    next_time = body%accepted%time + self%dt
+  end function next_time
 
   !> Number of steps in a time interval at the port, one if the deck gives no step.
   integer(i4) function steps_between(self, body, t0, t1)

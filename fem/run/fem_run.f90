@@ -46,6 +46,7 @@ contains
       call model%ranks%agree(errors)
       if (errors%any()) return
       call model%body%hand_over()
+      if (model%analysis%variable) last = model%analysis%complete(model%body)
       model%steps = model%steps + 1
       call model%timers%start('output')
       rows = model%output%next_history
@@ -68,10 +69,25 @@ contains
     logical, intent(out) :: last
     associate (a => model%analysis)
       t1 = real(model%steps + 1, wp)*a%dt
+      if (a%variable) t1 = before_output(model, a%next_time(model%body))
       last = t1 >= a%t_end - near*a%dt
       if (last) t1 = a%t_end
     end associate
   end subroutine next_time
+
+  !> A time, or that of the next fields where these come first, or half-way to them where they come
+  !! second [s].
+  pure real(wp) function before_output(model, t)
+    type(fem_model_type), intent(in) :: model
+    real(wp), intent(in) :: t
+    real(wp) :: due, now
+    before_output = t
+    if (.not. model%output%every_output > 0.0_wp) return
+    due = real(model%output%next_output, wp)*model%output%every_output
+    now = model%body%accepted%time
+    if (due <= now .or. t + (t - now) <= due) return
+    before_output = merge(due, now + 0.5_wp*(due - now), t >= due)
+  end function before_output
 
   !> Iterations of conjugate gradients, and new factors of kinds that compute them as needed.
   subroutine log_iterations(model)

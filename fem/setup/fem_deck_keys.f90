@@ -794,7 +794,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 28, &
+    call table%add_group('analysis', 29, &
       'What is computed, and in which steps.', required=.true.)
     call table%one_of('frequencies|frequency_range')
     call table%add_key('kind', 'string', '', &
@@ -849,6 +849,16 @@ contains
     call table%bounds(min=0.5_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
     call table%only_with('kind', 'static|newmark')
+    call table%add_key('step_error', 'real', '', &
+      'Steps of consolidation find their lengths: the error of a step in time, over the' &
+      //' largest displacement and pressure so far. `dt` is the first and the shortest ' &
+      //'step; steps double where the error is below a quarter of this, and halve where ' &
+      //'it is above. They end at the times of `&output`. 0: all steps are `dt`. 1e-3 is ' &
+      //'a good value.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('kind', 'static')
     call table%add_key('rayleigh_mass', 'real', '1/s', &
       'Rayleigh damping, factor a of C = a M + b K; of dynamics and `harmonic`.')
     call table%preset('0.0')
@@ -873,6 +883,11 @@ contains
       'Allow a dt above the largest stable step, with a warning.')
     call table%preset('.false.')
     call table%only_with('kind', 'explicit')
+    call group_analysis_3(table)
+  end subroutine group_analysis_2
+
+  subroutine group_analysis_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('rotation_mass', 'real', '', &
       'Factor on the micro-inertia in `explicit`, so that fast rotations do not limit ' &
       //'the step of slow motions. ''auto'' raises it in each element until displacements ' &
@@ -882,11 +897,6 @@ contains
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%words('auto', [0.0_wp])
     call table%only_with('kind', 'explicit')
-    call group_analysis_3(table)
-  end subroutine group_analysis_2
-
-  subroutine group_analysis_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which are reused' &
       //' by any number of steps; `iterative` by conjugate gradients with an incomplete ' &
@@ -920,17 +930,17 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('frequency_count', 'integer', '', &
       'Frequencies of frequency_range, the ends among them.')
     call table%preset('50')
     call table%bounds(min=2.0_wp)
     call table%only_with('kind', 'harmonic')
     call table%needs('frequency_range')
-    call group_analysis_4(table)
-  end subroutine group_analysis_3
-
-  subroutine group_analysis_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('loss_factor', 'real', '', &
       'Structural damping of `harmonic`: the stiffness is K (1 + i loss_factor).')
     call table%preset('0.0')
@@ -965,17 +975,17 @@ contains
     call table%preset('200')
     call table%bounds(min=1.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
+    call group_analysis_5(table)
+  end subroutine group_analysis_4
+
+  subroutine group_analysis_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('step_cuts', 'integer', '', &
       'How often `static`, `newmark` and `hht` halve a step of laws with a state that ' &
       //'does not converge, before the run ends.')
     call table%preset('10')
     call table%bounds(min=0.0_wp, max=30.0_wp)
     call table%only_with('kind', 'static|newmark|hht')
-    call group_analysis_5(table)
-  end subroutine group_analysis_4
-
-  subroutine group_analysis_5(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('continuation', 'string', '', &
       'How `static` of laws with a state advances: `load`, to the loads and motions of ' &
       //'the next time; `arc_length`, along the path of equilibrium with the load as an ' &

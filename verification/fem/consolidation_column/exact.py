@@ -58,7 +58,8 @@ class Column:
         mean = self.p0 * 8 / np.pi**2 * np.sum(np.exp(-((m * np.pi / 2) ** 2) * factor) / m**2)
         return self.height / self.confined * (self.load - self.biot * mean)
 
-    def run(self, case: Case, element: str, n: int, factor: float, steps: int, name: str) -> Path:
+    def run(self, case: Case, element: str, n: int, factor: float, steps: int, name: str,
+            go: bool = True) -> Path:  # fmt: skip
         """Run n elements over `steps` steps to a time factor; four fields are written."""
         kind = element.split("_")[0]
         path = case.folder / f"{kind}_{n}_{self.height:.0f}.h5"
@@ -71,7 +72,8 @@ class Column:
                   "GRAINS": self.grains, "LOAD": self.load, "STEP": self.time(factor) / steps,
                   "OUTPUT": self.time(factor) / 4}  # fmt: skip
         write_deck(case, "deck.nml", name, values)
-        case.run("talus-fem", f"{name}.nml")
+        if go:
+            case.run("talus-fem", f"{name}.nml")
         return case.folder / name
 
 
@@ -179,7 +181,7 @@ def judge_sealed(case: Case) -> None:
 def judge_restart(case: Case) -> None:
     """Judge a run that goes on from a checkpoint half-way against a whole one."""
     column = Column(ROCK)
-    stem = column.run(case, "hex20", 10, 0.2, 20, "restart")
+    stem = column.run(case, "hex20", 10, 0.2, 20, "restart", go=False)
     deck = stem.with_suffix(".nml")
     every = column.time(0.2) / 2
     deck.write_text(deck.read_text() + f"&checkpoint every_time = {every!r} /\n")
@@ -194,6 +196,36 @@ def judge_restart(case: Case) -> None:
         same = same and same_arrays(a.solid, b.solid)
     same = same and all(p.read_bytes() == data for p, data in kept.items())
     case.metric("restart: every bit", float(same), 1.0, 0)
+
+
+def judge_control(case: Case) -> None:
+    """Judge steps that find their lengths, to T = 1, and a restart among them."""
+    column = Column(SOIL)
+    stem = column.run(case, "hex20", 20, 1.0, 2000, "control", go=False)
+    deck = stem.with_suffix(".nml")
+    every = column.time(0.5)
+    text = deck.read_text().replace("kind = 'static'", "kind = 'static', step_error = 1.0e-3")
+    deck.write_text(text + f"&checkpoint every_time = {every!r} /\n")
+    case.run("talus-fem", "control.nml")
+    x = nodes_of(case.folder / "hex20_20_1.h5")
+    whole = field_steps(stem.with_suffix(".h5"))
+    off = [
+        np.abs(s.solid["pressure"] - column.pressure(1.0 - x[:, 2], s.time / column.time(1.0)))
+        for s in whole[1:]
+    ]
+    case.below("steps of their own: pressure, error / p0", float(np.max(off) / column.p0), 0.01)
+    table = read_history(Path(f"{stem}_newton.csv"))
+    case.below("steps of their own: number", float(len(np.unique(table["time"]))), 200.0)
+    judge_books(case, stem, "steps of their own")
+    kept = {p: p.read_bytes() for p in case.folder.glob("control_*.csv")}
+    shutil.copy(case.folder / "control.chk.1.h5", case.folder / "half.chk.h5")
+    case.run("talus-fem", "control.nml", "--restart=half.chk.h5")
+    again = field_steps(stem.with_suffix(".h5"))
+    same = len(kept) > 0 and len(whole) == len(again)
+    for a, b in zip(whole, again, strict=True):
+        same = same and same_arrays(a.solid, b.solid)
+    same = same and all(p.read_bytes() == data for p, data in kept.items())
+    case.metric("steps of their own, restart: every bit", float(same), 1.0, 0)
 
 
 def run(case: Case) -> None:
@@ -213,4 +245,5 @@ def run(case: Case) -> None:
     judge_layers(case)
     judge_sealed(case)
     judge_restart(case)
+    judge_control(case)
     case.save(fig)
