@@ -19,6 +19,7 @@ contains
     real(wp), intent(in) :: dt  !! [s]
     if (.not. self%pore%active) return
     call self%pore%begin(self%loads%curve, self%accepted%time, self%state%time)
+    call self%pore%renew_mobility(self%mesh, self%dofs, self%elastic, self%accepted%u)
     if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
   end subroutine begin_flow
 

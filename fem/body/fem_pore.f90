@@ -8,7 +8,7 @@ module fem_pore
   use fem_elastic, only: fem_elastic_type
   use fem_pore_element, only: fem_skeleton_type, fem_wet_type, fem_flow_step_type, &
     fem_flow_energy_type, fem_flow_change_type, wet_shape, wet_force, wet_matrix, wet_energy, &
-    wet_content, wet_size, darcy_flow
+    wet_content, wet_size, darcy_flow, constant_permeability, permeability_factor, mean_strain
   use fem_scatter, only: add_flow
   use fem_sparse, only: fem_pattern_type
   use fem_types, only: fem_mesh_type, name_length
@@ -66,6 +66,7 @@ module fem_pore
     type(fem_flow_step_type) :: step
     type(fem_skeleton_type), allocatable :: skeleton(:)
     integer(i4), allocatable :: skeleton_of(:)  !! (elements) 0: no liquid
+    real(wp), allocatable :: pervious(:)    !! (elements) mobility over that of the start
     real(wp), allocatable :: shear(:)       !! (elements) that steadies equal orders [Pa]
     real(wp), allocatable :: confined(:)    !! (elements) oedometric moduli at the start [Pa]
     type(fem_held_pressure_type), allocatable :: held(:)
@@ -87,7 +88,8 @@ module fem_pore
     procedure :: take_swing
     procedure :: forget_books
     procedure :: pressure_at
-    procedure, private :: change_of
+    procedure :: renew_mobility
+    procedure, private :: change_of, solid_of
     procedure :: force
     procedure :: add_matrix
     procedure :: account
@@ -106,6 +108,7 @@ contains
     real(wp), intent(in) :: u(:, :)       !! (3, blocks) [m], [Pa]
     if (.not. self%active) return
     self%shear = moduli(2, :) + 0.5_wp*moduli(3, :)
+    if (.not. allocated(self%pervious)) allocate (self%pervious(size(moduli, 2)), source=1.0_wp)
     self%confined = moduli(1, :) + 2.0_wp*moduli(2, :) + moduli(3, :)
     if (allocated(self%rate)) return
     self%start = u
@@ -254,6 +257,38 @@ contains
                     u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
   end function pressure_at
 
+  !> Solid and liquid of element e, with its permeability now.
+  pure function solid_of(self, e) result(solid)
+    class(fem_pore_type), intent(in) :: self
+    integer(i4), intent(in) :: e
+    type(fem_skeleton_type) :: solid
+    solid = self%skeleton(self%skeleton_of(e))
+    solid%mobility = self%pervious(e)*solid%mobility
+  end function solid_of
+
+  !> Permeabilities of a step are those of the state `u` at its start.
+  subroutine renew_mobility(self, mesh, dofs, elastic, u)
+    class(fem_pore_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks)
+    type(fem_wet_type) :: wet
+    integer(i4) :: e, rule, k
+    if (all(self%skeleton%law == constant_permeability)) return
+    rule = 0
+    do e = 1, mesh%elements
+      k = self%skeleton_of(e)
+      if (k == 0) cycle
+      if (self%skeleton(k)%law == constant_permeability) cycle
+      call shape_of(self, mesh, elastic, e, rule, wet)
+      associate (block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
+        self%pervious(e) = permeability_factor(self%skeleton(k), mean_strain(wet, &
+          u(:, block) - self%start(:, block)))
+      end associate
+    end do
+  end subroutine renew_mobility
+
   !> The step of element e from the state `old`.
   pure function change_of(self, dofs, elastic, e, old, moved) result(change)
     class(fem_pore_type), intent(in) :: self
@@ -324,7 +359,7 @@ contains
         call shape_of(self, mesh, elastic, e, rule, wet)
         associate (n => elastic%rule(rule)%nodes, a => dofs%start(e), b => dofs%wet_start(e), &
                    m => dofs%wet_start(e + 1) - 1)
-          associate (s => self%skeleton(self%skeleton_of(e)))
+          associate (s => self%solid_of(e))
             change = self%change_of(dofs, elastic, e, old, moved)
             call wet_force(elastic%rule(rule), s, wet, self%step, change, &
                            nodal(:, a:a + n - 1), flow(b:m))
@@ -378,7 +413,7 @@ contains
       associate (n => elastic%rule(rule)%nodes, m => elastic%rule(rule)%corners)
         if (allocated(flow)) deallocate (coupling, flow)
         allocate (coupling(3*n, m, 2), flow(m, m))
-        call wet_matrix(elastic%rule(rule), self%skeleton(self%skeleton_of(e)), wet, self%step, &
+        call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, &
                         coupling, flow)
         call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
           dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), pattern, coupling, flow, k, lower)
@@ -402,7 +437,7 @@ contains
     do e = 1, mesh%elements
       if (self%skeleton_of(e) == 0) cycle
       call shape_of(self, mesh, elastic, e, rule, wet)
-      associate (r => elastic%rule(rule), s => self%skeleton(self%skeleton_of(e)), &
+      associate (r => elastic%rule(rule), s => self%solid_of(e), &
                  p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
                  block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
         part = wet_energy(r, s, wet, self%step, self%change_of(dofs, elastic, e, old, u - old))
@@ -463,7 +498,7 @@ contains
     if (self%skeleton_of(e) == 0) return
     rule = 0
     call shape_of(self, mesh, elastic, e, rule, wet)
-    associate (s => self%skeleton(self%skeleton_of(e)), at => elastic%rule(rule)%at, &
+    associate (s => self%solid_of(e), at => elastic%rule(rule)%at, &
                p => u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
       do q = 1, at%n
         flow(:3) = flow(:3) + wet%shape%weight(q)*darcy_flow(s, wet, self%step%gravity, p, q)

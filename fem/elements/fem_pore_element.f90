@@ -20,7 +20,12 @@ module fem_pore_element
   private
   public :: fem_skeleton_type, fem_wet_type, fem_flow_step_type, fem_flow_energy_type
   public :: fem_flow_change_type
+  public :: constant_permeability, kozeny_carman, by_void_ratio, permeability_factor, mean_strain
   public :: wet_shape, wet_force, wet_matrix, wet_energy, wet_content, wet_size, darcy_flow
+
+  !> How permeability depends on the pores.
+  integer(i4), parameter :: constant_permeability = 1, kozeny_carman = 2, by_void_ratio = 3
+  real(wp), parameter :: least_voids = 0.01_wp  !! void ratio below which pores do not close further
 
   !> A solid with pores and their liquid.
   type :: fem_skeleton_type
@@ -29,6 +34,8 @@ module fem_pore_element
     real(wp) :: mobility(3) = 0.0_wp   !! kappa = k/viscosity along x, y, z [m^2/(Pa s)]
     real(wp) :: porosity = 0.0_wp
     real(wp) :: density = 0.0_wp       !! of the liquid [kg/m^3]
+    integer(i4) :: law = constant_permeability
+    real(wp) :: slope = 0.0_wp         !! c_k of `by_void_ratio` [-]
   end type fem_skeleton_type
 
   !> One element at its points.
@@ -121,6 +128,35 @@ contains
       end do
     end associate
   end subroutine steady_pressure
+
+  !> Permeability over that of the start, for a volumetric strain since then: grains keep their
+  !! volume, e = e_0 + (1 + e_0) strain.
+  pure real(wp) function permeability_factor(skeleton, strain) result(factor)
+    type(fem_skeleton_type), intent(in) :: skeleton
+    real(wp), intent(in) :: strain
+    real(wp) :: e, e0
+    factor = 1.0_wp
+    e0 = skeleton%porosity/(1.0_wp - skeleton%porosity)
+    e = max(least_voids, e0 + (1.0_wp + e0)*strain)
+    select case (skeleton%law)
+    case (kozeny_carman)  ! n^3/(1 - n)^2 = e^3/(1 + e)
+      factor = (e/e0)**3*(1.0_wp + e0)/(1.0_wp + e)
+    case (by_void_ratio)
+      factor = 10.0_wp**((e - e0)/skeleton%slope)
+    end select
+  end function permeability_factor
+
+  !> Mean volumetric strain of displacements u.
+  pure real(wp) function mean_strain(wet, u)
+    type(fem_wet_type), intent(in) :: wet
+    real(wp), intent(in) :: u(:, :)  !! (3, nodes) [m]
+    integer(i4) :: q
+    mean_strain = 0.0_wp
+    do q = 1, size(wet%volume, 2)
+      mean_strain = mean_strain + wet%shape%weight(q)*sum(wet%volume(:, q)*reshape(u, [size(u)]))
+    end do
+    mean_strain = mean_strain/sum(wet%shape%weight)
+  end function mean_strain
 
   !> Internal forces (3, nodes) [N] and, negative, contents less inflow (corners) [m^3] of a step.
   pure subroutine wet_force(rule, skeleton, wet, step, change, force, flow)

@@ -1040,7 +1040,7 @@ contains
 
   subroutine group_pore(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pore', 6, &
+    call table%add_group('pore', 8, &
       'The pores of a material and the liquid that fills them: its elements have a pore' &
       //' pressure p at their corner nodes, compression positive. The stress of the law ' &
       //'is the effective one, `density` of the material is that of the dry solid, (1 - ' &
@@ -1061,6 +1061,19 @@ contains
     call table%sized(1_i4, 3_i4)
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 100000000000000.0_wp)
+    call table%add_key('law', 'string', '', &
+      'How the permeability changes with the pores: not at all; by Kozeny and Carman, ' &
+      //'n^3/(1-n)^2 over that at the start; or by a factor of ten for every ' &
+      //'`permeability_index` of void ratio. Each step has the permeabilities of its ' &
+      //'start.')
+    call table%preset('constant')
+    call table%allow('constant|kozeny_carman|void_ratio')
+    call table%add_key('permeability_index', 'real', '', &
+      'c_k of `void_ratio`: k = permeability 10^((e - e_0)/c_k).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'void_ratio')
     call table%add_key('biot', 'real', '', &
       'Biot''s coefficient alpha, total stress = effective stress - alpha p; 1 of grains' &
       //' that are stiff beside the skeleton.')

@@ -11,7 +11,7 @@ module fem_setup_pore
   use fem_loads, only: couple_force
   use fem_mesh, only: find_group, group_hint
   use fem_pore, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
-  use fem_pore_element, only: fem_skeleton_type
+  use fem_pore_element, only: fem_skeleton_type, constant_permeability, kozeny_carman, by_void_ratio
   use fem_types, only: group_facet, group_node, group_volume
   implicit none
   private
@@ -58,7 +58,8 @@ contains
       end associate
     end do
     body%matter%symmetric = .not. body%scheme%dynamic  ! the liquid's inertia is in one row alone
-    body%pore%constant = deck%count('seepage') == 0
+    body%pore%constant = deck%count('seepage') == 0 .and. &
+      all(body%pore%skeleton%law == constant_permeability)
     do m = 1, size(body%matter%law)
       if (any(body%matter%law_of == m)) &
         body%pore%constant = body%pore%constant .and. .not. body%matter%law(m)%law%stateful
@@ -120,6 +121,11 @@ contains
     call deck%get('pore', k, 'biot', skeleton%biot)
     call deck%get('pore', k, 'solid_bulk', solid)
     call deck%get('pore', k, 'permeability', permeability)
+    call deck%get('pore', k, 'law', name)
+    skeleton%law = constant_permeability
+    if (name == 'kozeny_carman') skeleton%law = kozeny_carman
+    if (name == 'void_ratio') skeleton%law = by_void_ratio
+    if (name == 'void_ratio') call deck%get('pore', k, 'permeability_index', skeleton%slope)
     if (size(permeability) == 2) call deck%fault(errors, 'D444', &
       'two permeabilities are neither one nor three', 'pore', k, 'permeability', &
       'give one value, or those along x, y and z')
