@@ -431,18 +431,23 @@ contains
     type(fem_flow_energy_type), intent(out) :: energy
     type(fem_flow_energy_type) :: part
     type(fem_wet_type) :: wet
+    real(wp), allocatable :: moved(:, :), gone(:, :)
     integer(i4) :: e, rule
     rule = 0
     self%books%content = 0.0_wp
+    allocate (moved, source=u)
+    moved = u - old
+    allocate (gone, source=u)
+    gone = u - self%start
     do e = 1, mesh%elements
       if (self%skeleton_of(e) == 0) cycle
       call shape_of(self, mesh, elastic, e, rule, wet)
       associate (r => elastic%rule(rule), s => self%solid_of(e), &
                  p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
                  block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
-        part = wet_energy(r, s, wet, self%step, self%change_of(dofs, elastic, e, old, u - old))
+        part = wet_energy(r, s, wet, self%step, self%change_of(dofs, elastic, e, old, moved))
         self%books%content = self%books%content + wet_content(r, s, wet, &
-          u(:, block) - self%start(:, block), u(1, p) - self%start(1, p))
+          gone(:, block), gone(1, p))
       end associate
       energy%stored = energy%stored + part%stored
       energy%darcy = energy%darcy + part%darcy

@@ -85,13 +85,20 @@ contains
                 wet%steady(rule%corners, rule%corners))
     call element_shape(rule%at, x, wet%shape)
     do q = 1, rule%at%n
-      tangent = matmul(x, transpose(rule%at%u_slope(:, :, q)))
+      tangent = 0.0_wp
+      do a = 1, rule%nodes
+        tangent(:, 1) = tangent(:, 1) + rule%at%u_slope(1, a, q)*x(:, a)
+        tangent(:, 2) = tangent(:, 2) + rule%at%u_slope(2, a, q)*x(:, a)
+        tangent(:, 3) = tangent(:, 3) + rule%at%u_slope(3, a, q)*x(:, a)
+      end do
       inverse(:, 1) = cross(tangent(:, 2), tangent(:, 3))
       inverse(:, 2) = cross(tangent(:, 3), tangent(:, 1))
       inverse(:, 3) = cross(tangent(:, 1), tangent(:, 2))
       inverse = inverse/dot_product(tangent(:, 1), inverse(:, 1))
       do a = 1, rule%corners
-        wet%slope(:, a, q) = matmul(inverse, rule%at%corner_slope(:, a, q))
+        wet%slope(:, a, q) = rule%at%corner_slope(1, a, q)*inverse(:, 1) &
+                             + rule%at%corner_slope(2, a, q)*inverse(:, 2) &
+                             + rule%at%corner_slope(3, a, q)*inverse(:, 3)
       end do
     end do
     if (rule%bbar) then
@@ -165,7 +172,8 @@ contains
     type(fem_wet_type), intent(in) :: wet
     type(fem_flow_step_type), intent(in) :: step
     type(fem_flow_change_type), intent(in) :: change
-    real(wp), intent(out) :: force(:, :), flow(:)
+    real(wp), intent(out) :: force(:, :)
+    real(wp), intent(out), contiguous :: flow(:)
     real(wp) :: f(3*rule%nodes), moved(3*rule%nodes), w(3), more, d(rule%corners)
     integer(i4) :: q
     f = 0.0_wp
@@ -181,11 +189,34 @@ contains
         more = skeleton%biot*sum(wet%volume(:, q)*moved) + skeleton%storage*dot_product(n, d)
         w = darcy_flow(skeleton, wet, fall_at(rule, step, change, q), &
                        change%p(:, 1) + step%theta*d, q)
-        flow = flow - weight*more*n + step%dt*weight*matmul(w, wet%slope(:, :, q))
+        call add_flow_of(step%dt*weight*w, wet%slope(:, :, q), flow)
+        flow = flow - weight*more*n
       end associate
     end do
     force = reshape(f, shape(force))
   end subroutine wet_force
+
+  !> Add grad N . w.
+  pure subroutine add_flow_of(w, slope, flow)
+    real(wp), intent(in) :: w(3)
+    real(wp), intent(in), contiguous :: slope(:, :)  !! (3, corners)
+    real(wp), intent(inout), contiguous :: flow(:)
+    integer(i4) :: a
+    do a = 1, size(flow)
+      flow(a) = flow(a) + w(1)*slope(1, a) + w(2)*slope(2, a) + w(3)*slope(3, a)
+    end do
+  end subroutine add_flow_of
+
+  !> Gradient of what has the values p at the corners.
+  pure function gradient_of(slope, p) result(g)
+    real(wp), intent(in), contiguous :: slope(:, :), p(:)
+    real(wp) :: g(3)
+    integer(i4) :: a
+    g = 0.0_wp
+    do a = 1, size(p)
+      g = g + p(a)*slope(:, a)
+    end do
+  end function gradient_of
 
   !> What makes the liquid fall at point q: gravity less the acceleration [m/s^2].
   pure function fall_at(rule, step, change, q) result(fall)
@@ -220,9 +251,10 @@ contains
       associate (weight => wet%shape%weight(q), n => rule%at%corner(:, q), h => wet%slope(:, :, q))
         do b = 1, rule%corners
           coupling(:, b, 1) = coupling(:, b, 1) - weight*skeleton%biot*n(b)*wet%volume(:, q)
-          call add_drag(-weight*drag*skeleton%mobility*h(:, b), rule%at%u(:, q), coupling(:, b, 2))
-          flow(:, b) = flow(:, b) - weight*(skeleton%storage*n(b)*n &
-                                            + share*matmul(skeleton%mobility*h(:, b), h))
+          if (drag > 0.0_wp) call add_drag(-weight*drag*skeleton%mobility*h(:, b), &
+                                           rule%at%u(:, q), coupling(:, b, 2))
+          flow(:, b) = flow(:, b) - weight*skeleton%storage*n(b)*n
+          call add_flow_of(-weight*share*skeleton%mobility*h(:, b), h, flow(:, b))
         end do
       end associate
     end do
@@ -244,10 +276,10 @@ contains
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
     real(wp), intent(in) :: fall(3)  !! as `fall_at` [m/s^2]
-    real(wp), intent(in) :: p(:)
+    real(wp), intent(in), contiguous :: p(:)
     integer(i4), intent(in) :: q
     real(wp) :: w(3)
-    w = -skeleton%mobility*(matmul(wet%slope(:, :, q), p) - skeleton%density*fall)
+    w = -skeleton%mobility*(gradient_of(wet%slope(:, :, q), p) - skeleton%density*fall)
   end function darcy_flow
 
   !> Liquid in an element beyond that of u = 0 and p = 0 [m^3].
@@ -304,8 +336,8 @@ contains
         fall = fall_at(rule, step, change, q)
         w = darcy_flow(skeleton, wet, fall, start + step%theta*d, q)
         work(1) = dot_product(skeleton%density*step%gravity, w)
-        work(2) = dot_product(skeleton%density*fall - matmul(h, start + step%theta*d), w)
-        work(3) = (step%theta - 0.5_wp)*dot_product(matmul(h, d), w) &
+        work(2) = dot_product(skeleton%density*fall - gradient_of(h, start + step%theta*d), w)
+        work(3) = (step%theta - 0.5_wp)*dot_product(gradient_of(h, d), w) &
                   + work(1) - dot_product(skeleton%density*fall, w)
         e%fall = e%fall + weight*step%dt*work(1)
         e%darcy = e%darcy + weight*step%dt*work(2)
