@@ -370,7 +370,8 @@ contains
   end subroutine balance
 
   !> Step along du: all of it, or (`seek`) as far as the residual's work on it falls; less where a
-  !! point has no state.
+  !! point has no state. With a pore liquid forces that fall are enough: where it does not flow a
+  !! correction changes pressures alone, whose work is rounding.
   subroutine line_search(self, part, du, seek, residual, share, good)
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(inout) :: part
@@ -380,13 +381,14 @@ contains
     real(wp), intent(out) :: share
     logical, intent(out) :: good
     real(wp), dimension(3, self%dofs%blocks) :: start, internal
-    real(wp) :: before, after
+    real(wp) :: before, after, forces
     integer(i4) :: k, bad
 
     start = 0.0_wp
     if (seek) start = self%state%u - self%accepted%u
     before = 0.0_wp
     if (seek) before = work_on(self, du, residual)
+    forces = sum(residual(:, :self%dofs%solid)**2)
     share = 1.0_wp
     do k = 1, most_searches
       call inner_force(self, start + share*du, internal, bad)
@@ -399,6 +401,7 @@ contains
       call balance(self, part, start + share*du, internal, residual)
       after = work_on(self, du, residual)
       if (.not. seek .or. abs(after) <= slack*abs(before) .or. share <= shortest) exit
+      if (self%pore%active .and. sum(residual(:, :self%dofs%solid)**2) < slack**2*forces) exit
       if (k == most_searches .or. after*before >= before**2) exit
       share = max(shortest, share*max(0.1_wp, before/(before - after)))
     end do

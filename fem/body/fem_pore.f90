@@ -363,7 +363,7 @@ contains
             change = self%change_of(dofs, elastic, e, old, moved)
             call wet_force(elastic%rule(rule), s, wet, self%step, change, &
                            nodal(:, a:a + n - 1), flow(b:m))
-            gross(b:m) = wet_size(s, wet, self%step, change%p)
+            gross(b:m) = wet_size(s, wet, self%step, change)
           end associate
         end associate
       end do

@@ -300,15 +300,16 @@ contains
 
   !> Size of the volumes that a corner's balance could sum, if nothing cancelled [m^3]: what
   !! rounding is measured by.
-  pure real(wp) function wet_size(skeleton, wet, step, p)
+  pure real(wp) function wet_size(skeleton, wet, step, change)
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
     type(fem_flow_step_type), intent(in) :: step
-    real(wp), intent(in) :: p(:, :)  !! (corners, 2) [Pa]
+    type(fem_flow_change_type), intent(in) :: change
     real(wp) :: steepest
     steepest = maxval(abs(wet%slope))
-    wet_size = step%dt*maxval(skeleton%mobility)*sum(wet%shape%weight)*steepest &
-               *(steepest*maxval(abs(p)) + skeleton%density*norm2(step%gravity))
+    wet_size = sum(wet%shape%weight)*(skeleton%biot*steepest*maxval(abs(change%moved)) &
+      + step%dt*maxval(skeleton%mobility)*steepest*(steepest*maxval(abs(change%p)) &
+      + skeleton%density*norm2(step%gravity)))
   end function wet_size
 
   !> Energies of a step; the pressures that steady equal orders store some, too. What acceleration
