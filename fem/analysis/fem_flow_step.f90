@@ -7,7 +7,8 @@ module fem_flow_step
   use fem_pore_element, only: fem_flow_energy_type
   implicit none
   private
-  public :: begin_flow, finish_flow, matrix_step, measure_leak, same_matrix, swing, work_on
+  public :: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, same_matrix, swing
+  public :: work_on
 
   real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
 
@@ -80,6 +81,19 @@ contains
       if (self%scheme%dynamic) e%numerical = e%numerical - p%accepted_books%numerical
     end associate
   end subroutine finish_flow
+
+  !> Internal forces of a linear solid that stays in the accepted state, which is one of balance;
+  !! its liquid flows.
+  subroutine resting_force(self, internal)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(out) :: internal(:, :)
+    integer(i4) :: n
+    n = self%dofs%solid
+    internal = 0.0_wp
+    call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, 0.0_wp*internal, &
+                         internal)
+    internal(:, :n) = self%accepted%external(:, :n) + self%accepted%reaction(:, :n)
+  end subroutine resting_force
 
   !> Accelerations for displacements `moved` in the step: the liquid falls with them.
   subroutine swing(self, moved)

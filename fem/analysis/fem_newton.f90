@@ -7,8 +7,8 @@ module fem_newton
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
   use fem_law, only: at_dissipated
-  use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, same_matrix, swing, &
-    work_on
+  use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, &
+    same_matrix, swing, work_on
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
@@ -226,17 +226,25 @@ contains
     given = 0.0_wp
     where (self%supports%held .or. self%port%prescribed) &
       given = part%u + part%after*(part%goal_u - part%u) - self%accepted%u
-    call inner_force(self, 0.0_wp*given, internal, bad)
+    bad = 0
+    if (.not. same_matrix(self, part%dt) .or. self%scheme%dynamic) &
+      call inner_force(self, 0.0_wp*given, internal, bad)
+    if (self%pore%constant .and. .not. self%scheme%dynamic) call resting_force(self, internal)
     good = bad == 0
     if (.not. good) then
       call blame(self, part)
       return
     end if
-    if (self%scheme%lag > 0.0_wp) part%balance = self%accepted%external + self%accepted%reaction &
-      - internal - self%accepted%viscous
+    if (self%scheme%lag > 0.0_wp) then
+      part%balance = self%accepted%external + self%accepted%reaction - internal &
+        - self%accepted%viscous
+      part%balance(:, self%dofs%solid + 1:) = 0.0_wp  ! contents have no balance before the step
+    end if
     call balance(self, part, given, internal, residual)
     call assemble(self, part)
-    call multiply_general(self%system%pattern, self%system%k, self%system%lower, given, carried)
+    carried = 0.0_wp
+    if (maxval(abs(given)) > 0.0_wp) call multiply_general(self%system%pattern, self%system%k, &
+      self%system%lower, given, carried)
     call solve(self, part, residual - carried, du, good)
     du = du + given
   end subroutine predict

@@ -93,7 +93,7 @@ contains
       call name_columns(trim(body%pore%held(k)%name))
     end do
     do k = 1, size(body%pore%inflow)
-      call name_columns(trim(body%pore%inflow(k)%name)//' flux')
+      call name_columns(trim(body%pore%inflow(k)%name))
     end do
     do k = 1, size(body%pore%leak)
       call name_columns(trim(body%pore%leak(k)%name)// &

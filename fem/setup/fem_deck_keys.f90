@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 41)
+    call table%init('talus-fem', 42)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -40,6 +40,7 @@ contains
     call group_pore(table)
     call group_pore_pressure(table)
     call group_flux(table)
+    call group_well(table)
     call group_leak(table)
     call group_seepage(table)
     call group_water_table(table)
@@ -848,7 +849,7 @@ contains
     call table%preset('1.0')
     call table%bounds(min=0.5_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
-    call table%only_with('kind', 'static|newmark')
+    call table%only_with('kind', 'static|newmark|hht')
     call table%add_key('step_error', 'real', '', &
       'Steps of consolidation find their lengths: the error of a step in time, over the' &
       //' largest displacement and pressure so far. `dt` is the first and the shortest ' &
@@ -1119,6 +1120,22 @@ contains
       'Id of a curve that scales it; without one it is constant.')
     call table%preset('')
   end subroutine group_flux
+
+  subroutine group_well(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('well', 3, &
+      'Liquid that enters, or is pumped, at nodes.', repeats=.true.)
+    call table%add_key('group', 'string', '', &
+      'Facet, node or volume group, whose nodes with a pressure share the rate alike.')
+    call table%need()
+    call table%add_key('rate', 'real', 'm3/s', &
+      'Volume by time of all nodes together, into the body positive.')
+    call table%need()
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_well
 
   subroutine group_leak(table)
     type(key_table_type), intent(inout) :: table

@@ -17,8 +17,8 @@ module fem_setup_pore
   private
   public :: read_skeletons, number_wet, read_liquid
 
-  character(len=*), parameter :: groups(5) = [character(len=14) :: 'pore_pressure', 'flux', &
-                                              'leak', 'seepage', 'water_table']
+  character(len=*), parameter :: groups(6) = [character(len=14) :: 'pore_pressure', 'flux', &
+    'well', 'leak', 'seepage', 'water_table']
 
 contains
 
@@ -71,11 +71,12 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
+    character(len=*), parameter :: kinds(3) = [character(len=7) :: 'static', 'newmark', 'hht']
     character(len=:), allocatable :: kind, text
     call deck%get('analysis', 1, 'kind', kind)
-    if (kind /= 'static' .and. kind /= 'newmark') then
+    if (all(kinds /= kind)) then
       call deck%fault(errors, 'D446', "kind = '"//kind//"' has no pore pressures", 'analysis', 1, &
-        'kind', "take kind = 'static', consolidation in time, or 'newmark'")
+        'kind', "take kind = 'static', consolidation in time, or 'newmark' or 'hht'")
       return
     end if
     if (deck%count('absorbing') > 0) call deck%fault(errors, 'D446', &
@@ -231,6 +232,9 @@ contains
     do k = 1, deck%count('flux')
       call read_flux(deck, body, k, errors)
     end do
+    do k = 1, deck%count('well')
+      call read_well(deck, body, k, errors)
+    end do
     do k = 1, deck%count('leak')
       call read_leak(deck, body, k, errors)
     end do
@@ -373,25 +377,55 @@ contains
     integer(i4), intent(in) :: k
     type(error_list_type), intent(inout) :: errors
     type(fem_inflow_type) :: inflow
-    type(fem_inflow_type), allocatable :: longer(:)
     character(len=:), allocatable :: name
     real(wp) :: share(body%dofs%blocks)
-    integer(i4) :: n
 
     call deck%get('flux', k, 'group', name)
     call deck%get('flux', k, 'value', share(1))
     call curve_index(deck, 'D303', body%loads%curve, 'flux', k, inflow%curve, errors)
     call wet_shares(deck, body, 'flux', k, share, errors)
     if (errors%any()) return
-    inflow%name = name
-    allocate (inflow%rate(body%dofs%blocks))
+    inflow%name = name//' flux'
+    call append_inflow(body, inflow, share)
+  end subroutine read_flux
+
+  !> A &well: a rate of volume shared by the nodes of a group alike.
+  subroutine read_well(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    type(fem_inflow_type) :: inflow
+    integer(i4), allocatable :: node(:)
+    character(len=:), allocatable :: name
+    real(wp) :: rate, share(body%dofs%blocks)
+
+    call deck%get('well', k, 'group', name)
+    call deck%get('well', k, 'rate', rate)
+    call curve_index(deck, 'D303', body%loads%curve, 'well', k, inflow%curve, errors)
+    call wet_nodes(deck, body, 'well', k, node, errors)
+    if (errors%any()) return
+    inflow%name = name//' well'
+    share = 0.0_wp
+    share(body%dofs%p(node)) = rate/size(node)
+    call append_inflow(body, inflow, share)
+  end subroutine read_well
+
+  !> One inflow more, with its rates at the blocks.
+  subroutine append_inflow(body, inflow, share)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_inflow_type), intent(inout) :: inflow
+    real(wp), intent(in) :: share(:)
+    type(fem_inflow_type), allocatable :: longer(:)
+    integer(i4) :: n
+    allocate (inflow%rate(size(share)))
     inflow%rate = share
     n = int(size(body%pore%inflow), i4)
     allocate (longer(n + 1))
     longer(:n) = body%pore%inflow
     longer(n + 1) = inflow
     call move_alloc(longer, body%pore%inflow)
-  end subroutine read_flux
+  end subroutine append_inflow
 
   !> A &leak: c (p - outside) by area.
   subroutine read_leak(deck, body, k, errors)

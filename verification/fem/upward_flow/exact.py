@@ -19,6 +19,7 @@ DRIVES = {
     "pressure": "&pore_pressure group = 'z0', value = {0!r}, curve = 'base' /\n"
     "&curve id = 'base', times = {1}, values = {2} /",
     "flux": "&flux group = 'z0', value = {0!r}, curve = 'rise' /",
+    "well": "&well group = 'z0', rate = {0!r}, curve = 'rise' /",
 }
 TIMES = (0.0, 8.0, 8.1, 16.0, 16.1, 24.0, 24.1, 32.0, 32.1, 40.0, 40.1, 48.0)
 
@@ -32,7 +33,7 @@ def judge(case: Case, element: str, drive: str, ax: object) -> None:
     rest = WATER * GRAVITY * HEIGHT
     values = [1 + r * EXCESS / rest for r in RATIOS for _ in (0, 1)]
     times = ", ".join(map(str, TIMES))
-    value = VELOCITY if drive == "flux" else rest
+    value = {"pressure": rest, "flux": VELOCITY, "well": VELOCITY * 0.02**2}[drive]
     line = DRIVES[drive].format(value, times, ", ".join(map(repr, values)))
     text = (case.folder / "deck.nml").read_text()
     for key, value in (("MESH", kind), ("ELEMENT", element), ("DRIVE", line)):
@@ -89,7 +90,8 @@ def judge_squeezed(case: Case) -> None:
 def run(case: Case) -> None:
     """Judge columns that are driven by pressure and by flux; plot the stress at the base."""
     fig, ax = case.figure()
-    for element, drive in (("hex20", "pressure"), ("hex20", "flux"), ("hex27", "pressure")):
+    for element, drive in (("hex20", "pressure"), ("hex20", "flux"), ("hex27", "pressure"),
+                           ("hex20", "well")):
         judge(case, element, drive, ax)
     judge_squeezed(case)
     ax.plot([0, 1], [1, 0], "k-", lw=1, label="exact")
