@@ -8,7 +8,7 @@ module fem_flow_step
   implicit none
   private
   public :: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, same_matrix, swing
-  public :: work_on
+  public :: take_length, work_on
 
   real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
 
@@ -21,8 +21,16 @@ contains
     if (.not. self%pore%active) return
     call self%pore%begin(self%loads%curve, self%accepted%time, self%state%time)
     call self%pore%renew_mobility(self%mesh, self%dofs, self%elastic, self%accepted%u)
-    if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
+    call take_length(self, dt)
   end subroutine begin_flow
+
+  !> The length of a step, or that of its matrix.
+  subroutine take_length(self, dt)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: dt  !! [s]
+    call self%pore%take_step(dt)
+    if (self%scheme%dynamic) call self%pore%take_inertia(1.0_wp/(self%scheme%beta*dt**2))
+  end subroutine take_length
 
   !> Are the factors those of this part? Only a linear solid with a liquid keeps them.
   pure logical function same_matrix(self, dt)

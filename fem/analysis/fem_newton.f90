@@ -8,7 +8,7 @@ module fem_newton
   use fem_body, only: fem_body_type
   use fem_law, only: at_dissipated
   use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, &
-    same_matrix, swing, work_on
+    same_matrix, swing, take_length, work_on
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
@@ -269,10 +269,10 @@ contains
     call self%matter%assemble(self%mesh, self%dofs, self%elastic, self%system%pattern, &
       self%system%k, self%system%lower)
     if (self%pore%active) then
-      call self%pore%take_step(matrix_step(self, part%dt))
+      call take_length(self, matrix_step(self, part%dt))
       call self%pore%add_matrix(self%mesh, self%dofs, self%elastic, self%system%pattern, &
         self%system%k, self%system%lower)
-      call self%pore%take_step(part%dt)
+      call take_length(self, part%dt)
     end if
     call add_springs(self%supports%ground, self%system%pattern, self%system%k, self%system%lower)
     if (allocated(self%loads%follower)) then
@@ -309,8 +309,9 @@ contains
     mass_term = 0.0_wp
     if (.not. same_matrix(self, part%dt)) then
       if (self%scheme%dynamic) then
-        rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta*part%dt)
-        mass_term = 1.0_wp/(self%scheme%beta*part%dt**2) + rate*self%damping%mass
+        rate = (1.0_wp - self%scheme%lag)*self%scheme%gamma/(self%scheme%beta &
+          *matrix_step(self, part%dt))
+        mass_term = 1.0_wp/(self%scheme%beta*matrix_step(self, part%dt)**2) + rate*self%damping%mass
         call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
       end if
       call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &

@@ -18,7 +18,7 @@ module fem_model
   use talus_timers, only: timers_type
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
-  use fem_consolidation, only: short_step_warning
+  use fem_consolidation, only: fast_warning, short_step_warning
   use fem_deck_keys, only: fem_deck_table
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
@@ -168,11 +168,14 @@ contains
     call self%checkpoint%schedule(every_wall, every_time, self%body%accepted%time)
   end subroutine prepare
 
-  !> Steps that consolidation does not resolve.
+  !> Steps that consolidation does not resolve, or that resolve what the pores do not.
   subroutine warn_short_step(self)
     class(fem_model_type), intent(inout) :: self
     character(len=:), allocatable :: text
-    text = short_step_warning(self%body, self%analysis%dt)
+    text = ''
+    if (.not. self%body%scheme%dynamic) text = short_step_warning(self%body, self%analysis%dt)
+    if (len(text) > 0) call append_string(self%warnings, text)
+    text = fast_warning(self%body, self%analysis%dt)
     if (len(text) > 0) call append_string(self%warnings, text)
   end subroutine warn_short_step
 

@@ -8,6 +8,7 @@ module fem_run_files
   use talus_health, only: health_type
   use talus_log, only: log_type, short_number
   use talus_summary, only: summary_type
+  use fem_consolidation, only: describe_pores
   use fem_judgement, only: judge_health
   use fem_model, only: fem_model_type, program_name
   use fem_output, only: energy_error
@@ -41,6 +42,7 @@ contains
     call model%log%item('elements', str(model%body%whole%elements(model%body%mesh%elements)))
     call model%log%item('mass', str(sum(model%body%system%lumped(:model%body%mesh%nodes)))//' kg')
     if (model%start_time >= 0.0_wp) call model%log%item('goes on from', str(model%start_time)//' s')
+    call describe_pores(model%body, model%log)
     call model%analysis%describe(model%body, model%log)
     if (model%settled) call model%log%item('settled under the initial stress', &
       short_number(model%settlement)//' m', 'displacements count from there')

@@ -1,9 +1,11 @@
 """A saturated column in dynamics against the exact solution of the u-p equations."""
 
+import shutil
+
 import numpy as np
 
 from talus import mesh as meshes
-from talus.compare import max_of
+from talus.compare import max_of, same_arrays
 from talus.orders import converted
 from talus.verification import Case, field_steps, read_history
 
@@ -88,6 +90,23 @@ def judge_column(case: Case, kind: str, ax: object) -> None:
     ax.legend()
 
 
+def judge_restart(case: Case) -> None:
+    """Judge a run of 40 steps that goes on from its middle against the whole one."""
+    text = (case.folder / "newmark.nml").read_text()
+    text = text.replace("t_end = 0.3", "t_end = 0.04")
+    text = text.replace("every_time = 0.001", "every_time = 0.02")
+    deck = case.folder / "again.nml"
+    deck.write_text(text + "&checkpoint every_time = 0.02 /\n")
+    case.run("talus-fem", "again.nml")
+    whole = field_steps(deck.with_suffix(".h5"))[-1].solid
+    kept = {p: p.read_bytes() for p in case.folder.glob("again_*.csv")}
+    shutil.copy(case.folder / "again.chk.1.h5", case.folder / "half.chk.h5")
+    case.run("talus-fem", "again.nml", "--restart=half.chk.h5")
+    same = same_arrays(whole, field_steps(deck.with_suffix(".h5"))[-1].solid)
+    same = same and len(kept) > 0 and all(p.read_bytes() == data for p, data in kept.items())
+    case.metric("restart: every bit", float(same), 1.0, 0)
+
+
 def judge_harmonic(case: Case, ax: object) -> None:
     """Judge amplitudes after a load that grows to a harmonic one over eight cycles."""
     z = write_column(case, "harmonic", 5.0, 60)
@@ -125,5 +144,6 @@ def run(case: Case) -> None:
     fig, (ax, bx) = case.figure(ncols=2)
     judge_column(case, "'newmark'", ax)
     judge_column(case, "'hht', alpha = -0.05", None)
+    judge_restart(case)
     judge_harmonic(case, bx)
     case.save(fig)
