@@ -37,12 +37,14 @@ contains
   end subroutine traction_force
 
   !> Add the nodal forces of a pressure [Pa] on facets, positive into the solid [N], that varies
-  !! linearly: `pressure` at the origin of x, `slope` along x [Pa/m].
-  subroutine pressure_force(mesh, group, pressure, slope, force)
+  !! linearly: `pressure` at the origin of x, `slope` along x [Pa/m]; that of a `liquid` is never
+  !! negative.
+  subroutine pressure_force(mesh, group, pressure, slope, force, liquid)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_group_type), intent(in) :: group
     real(wp), intent(in) :: pressure, slope(3)
     real(wp), intent(inout) :: force(:, :)
+    logical, intent(in), optional :: liquid
     real(wp) :: n(most_facet_nodes), area(3), here
     real(wp), allocatable :: points(:, :), weights(:)
     integer(i4) :: f, q, m
@@ -53,6 +55,7 @@ contains
         do q = 1, size(weights)
           call facet_point(group%facet_kind(f), mesh%x(:, node), points(:, q), n(:m), area)
           here = pressure + dot_product(slope, matmul(mesh%x(:, node), n(:m)))
+          if (present(liquid)) here = merge(max(0.0_wp, here), here, liquid)
           call add_shares(node, n(:m), -weights(q)*here*area, force)
         end do
       end associate

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 42)
+    call table%init('talus-fem', 43)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -43,6 +43,7 @@ contains
     call group_well(table)
     call group_leak(table)
     call group_seepage(table)
+    call group_submerged(table)
     call group_water_table(table)
     call group_initial_stress(table)
     call group_geostatic(table)
@@ -1167,6 +1168,21 @@ contains
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
   end subroutine group_seepage
+
+  subroutine group_submerged(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('submerged', 2, &
+      'A face under free liquid up to a level: below it the liquid presses on the face ' &
+      //'and holds the pressure in the pores, rho g (level - height) both. Above the ' &
+      //'level the face is as others.', repeats=.true.)
+    call table%add_key('group', 'string', '', &
+      'Facet group of elements whose material has a `&pore`.')
+    call table%need()
+    call table%add_key('level', 'real', 'm', &
+      'Height of the level, along the direction against gravity.')
+    call table%need()
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+  end subroutine group_submerged
 
   subroutine group_water_table(table)
     type(key_table_type), intent(inout) :: table

@@ -1,5 +1,5 @@
 !> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &leak, &seepage,
-!! &water_table.
+!! &well, &submerged, &water_table.
 module fem_setup_pore
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -8,17 +8,17 @@ module fem_setup_pore
   use talus_deck, only: deck_type
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_pressures
-  use fem_loads, only: couple_force
+  use fem_loads, only: couple_force, pressure_force
   use fem_mesh, only: find_group, group_hint
   use fem_pore, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
   use fem_pore_element, only: fem_skeleton_type, constant_permeability, kozeny_carman, by_void_ratio
-  use fem_types, only: group_facet, group_node, group_volume
+  use fem_types, only: fem_load_type, group_facet, group_node, group_volume
   implicit none
   private
   public :: read_skeletons, number_wet, read_liquid
 
-  character(len=*), parameter :: groups(6) = [character(len=14) :: 'pore_pressure', 'flux', &
-    'well', 'leak', 'seepage', 'water_table']
+  character(len=*), parameter :: groups(7) = [character(len=14) :: 'pore_pressure', 'flux', &
+    'well', 'leak', 'seepage', 'submerged', 'water_table']
 
 contains
 
@@ -229,6 +229,9 @@ contains
     do k = 1, deck%count('pore_pressure')
       call read_held(deck, body, k, errors)
     end do
+    do k = 1, deck%count('submerged')
+      call read_submerged(deck, body, k, errors)
+    end do
     do k = 1, deck%count('flux')
       call read_flux(deck, body, k, errors)
     end do
@@ -275,11 +278,9 @@ contains
     integer(i4), intent(in) :: k
     type(error_list_type), intent(inout) :: errors
     type(fem_held_pressure_type) :: held
-    type(fem_held_pressure_type), allocatable :: longer(:)
     integer(i4), allocatable :: node(:)
     character(len=:), allocatable :: name
     real(wp) :: value
-    integer(i4) :: n
 
     call wet_nodes(deck, body, 'pore_pressure', k, node, errors)
     call curve_index(deck, 'D303', body%loads%curve, 'pore_pressure', k, held%curve, errors)
@@ -296,13 +297,60 @@ contains
     call deck%get('pore_pressure', k, 'group', name)
     held%name = name
     held%block = body%dofs%p(node)
+    call append_held(body, held)
+  end subroutine read_held
+
+  !> Held pressures of one group more.
+  subroutine append_held(body, held)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_held_pressure_type), intent(in) :: held
+    type(fem_held_pressure_type), allocatable :: longer(:)
+    integer(i4) :: n
     call body%supports%hold(1_i4, held%block)
     n = int(size(body%pore%held), i4)
     allocate (longer(n + 1))
     longer(:n) = body%pore%held
     longer(n + 1) = held
     call move_alloc(longer, body%pore%held)
-  end subroutine read_held
+  end subroutine append_held
+
+  !> A &submerged face: free liquid above it up to a level presses on the face and in its pores.
+  subroutine read_submerged(deck, body, k, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(inout) :: body
+    integer(i4), intent(in) :: k
+    type(error_list_type), intent(inout) :: errors
+    type(fem_held_pressure_type) :: held
+    type(fem_load_type) :: load
+    integer(i4), allocatable :: node(:)
+    character(len=:), allocatable :: name
+    real(wp), allocatable :: p(:)
+    real(wp) :: level
+    integer(i4) :: g
+
+    call deck%get('submerged', k, 'group', name)
+    call deck%get('submerged', k, 'level', level)
+    g = find_group(body%mesh, name, [group_facet])
+    if (g == 0) then
+      call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", 'submerged', k, &
+        'group', group_hint(body%mesh, name, [group_facet]))
+      return
+    end if
+    call wet_nodes(deck, body, 'submerged', k, node, errors)
+    call under_head(deck, body, 'submerged', k, level, p, errors)
+    if (errors%any()) return
+    node = pack(node, p(node) >= 0.0_wp)
+    held%name = name
+    held%block = body%dofs%p(node)
+    held%value = p(node)
+    call append_held(body, held)
+    allocate (load%force(3, body%dofs%blocks), source=0.0_wp)
+    associate (density => body%pore%skeleton(1)%density, gravity => body%loads%gravity)
+      call pressure_force(body%mesh, body%mesh%group(g), density*norm2(gravity)*level, &
+        density*gravity, load%force, .true.)
+    end associate
+    call body%loads%append(load)
+  end subroutine read_submerged
 
   !> Pressures of all nodes under a level head [m]; fault D448 where gravity or the liquid is not
   !! one.
@@ -339,9 +387,10 @@ contains
     call deck%get('water_table', 1, 'level', level)
     call under_head(deck, body, 'water_table', 1_i4, level, p, errors)
     do n = 1, body%mesh%nodes
-      if (body%dofs%p(n) > 0) body%state%u(1, body%dofs%p(n)) = p(n)
+      if (body%dofs%p(n) == 0) cycle
+      body%state%u(1, body%dofs%p(n)) = p(n)
+      body%accepted%u(1, body%dofs%p(n)) = p(n)
     end do
-    body%accepted%u = body%state%u
   end subroutine begin_under
 
   !> Shares of a value per area of the nodes of the facets that an instance of a group names; fault

@@ -68,6 +68,27 @@ def judge(case: Case, element: str, drive: str, ax: object) -> None:
     ax.plot(RATIOS, base, "o" if drive == "pressure" else "x", mfc="none", label=title)
 
 
+def judge_submerged(case: Case) -> None:
+    """Judge a column under three metres of free water: only its buoyant weight is felt."""
+    text = (case.folder / "deck.nml").read_text()
+    for key, value in (
+        ("MESH", "hex20"), ("ELEMENT", "hex20"), ("DRIVE", ""),
+        ("&water_table level = 0.1", "&water_table level = 3.1"),
+        ("level = 0.1, k0", f"surcharge = {3 * WATER * GRAVITY!r}, level = 0.1, k0"),
+        ("&pore_pressure group = 'z1', head = 0.1", "&submerged group = 'z1', level = 3.1"),
+    ):  # fmt: skip
+        text = text.replace(key, value)
+    (case.folder / "submerged.nml").write_text(text)
+    case.run("talus-fem", "submerged.nml")
+    last = field_steps(case.folder / "submerged.h5")[-1].solid
+    points = last["points_x"][:, 2]
+    off = np.abs(last["stress_points"][:, 2] + (HEIGHT - points) * EXCESS / HEIGHT).max() / EXCESS
+    case.below("submerged: effective stress, error / buoyant weight", float(off), 1e-10)
+    total = last["total_stress"][:, 2].max() / (3 * WATER * GRAVITY)
+    case.below("submerged: largest total stress / free water's", float(total), -1.0)
+    case.below("submerged: motion [m]", float(np.abs(last["u"]).max()), 1e-12)
+
+
 def judge_squeezed(case: Case) -> None:
     """Judge the flow through a column of less permeability after its compression."""
     start = POROSITY / (1 - POROSITY)
@@ -94,6 +115,7 @@ def run(case: Case) -> None:
                            ("hex20", "well")):
         judge(case, element, drive, ax)
     judge_squeezed(case)
+    judge_submerged(case)
     ax.plot([0, 1], [1, 0], "k-", lw=1, label="exact")
     ax.set(xlabel="gradient / critical [-]", ylabel="effective stress at the base / first [-]")
     ax.legend()
