@@ -19,7 +19,7 @@ contains
   subroutine describe_pore(body, xdmf)
     type(fem_body_type), intent(in) :: body
     type(xdmf_type), intent(inout) :: xdmf
-    call xdmf%attribute('pressure', 'pressure', xdmf_node, 1)
+    call xdmf%attribute('pore_pressure', 'pore_pressure', xdmf_node, 1)
     call xdmf%attribute('darcy', 'darcy', xdmf_cell, 3)
     call xdmf%attribute('total_stress', 'total_stress', xdmf_cell, stresses(body))
   end subroutine describe_pore
@@ -48,7 +48,7 @@ contains
       k = body%pore%skeleton_of(e)
       if (k > 0) total(diagonal, e) = total(diagonal, e) - body%pore%skeleton(k)%biot*flow(4, e)
     end do
-    call file%put(group//'/pressure', nodal_pressure(body), errors)
+    call file%put(group//'/pore_pressure', nodal_pressure(body), errors)
     call file%put(group//'/darcy', flow(:3, :), errors)
     call file%put(group//'/total_stress', total, errors)
   end subroutine put_pore

@@ -101,13 +101,14 @@ def judge_column(case: Case, data: tuple[float, ...], element: str, title: str, 
     for step in field_steps(stem.with_suffix(".h5"))[1:]:
         factor = step.time * column.c / column.height**2
         exact = column.pressure(depth, factor)
-        off.append(np.abs(step.solid["pressure"] - exact).max() / column.p0)
+        off.append(np.abs(step.solid["pore_pressure"] - exact).max() / column.p0)
         top = -step.solid["u"][depth < 1e-9, 2].mean()
         sink.append(abs(top - column.settlement(factor)) / column.settlement(np.inf))
         order = np.argsort(depth)
         ax.plot(exact[order] / column.p0, depth[order] / column.height, "k-", lw=1)
         mark = "o" if element == "hex20" else "x"
-        ax.plot(step.solid["pressure"] / column.p0, depth / column.height, mark, ms=4, mfc="none")
+        found = step.solid["pore_pressure"] / column.p0
+        ax.plot(found, depth / column.height, mark, ms=4, mfc="none")
     case.below(f"{title}, {element}: pressure, error / p0", max_of(off), 0.01)
     case.below(f"{title}, {element}: settlement, error / final one", max_of(sink), 0.01)
     judge_books(case, stem, f"{title}, {element}")
@@ -134,7 +135,7 @@ def judge_order(case: Case, element: str, ax: object) -> None:
     for n in sizes:
         stem = column.run(case, element, n, 0.2, n * n // 4, f"order_{element}_{n}")
         x = nodes_of(case.folder / f"{element.split('_')[0]}_{n}_1.h5")
-        last = field_steps(stem.with_suffix(".h5"))[-1].solid["pressure"]
+        last = field_steps(stem.with_suffix(".h5"))[-1].solid["pore_pressure"]
         exact = column.pressure(1.0 - x[:, 2], 0.2)
         errors.append(float(np.sqrt(np.mean((last - exact) ** 2)) / column.p0))
     order = float(np.log2(errors[1] / errors[2]))
@@ -157,7 +158,7 @@ def judge_layers(case: Case) -> None:
         last = field_steps(case.folder / f"layers_{time:.0f}.h5")[-1].solid
         for depth, p in zip((0.25, 0.5, 0.75, 1.0), pressure, strict=True):
             at = np.isclose(mesh.x[:, 2], 1.0 - depth)
-            off.append(abs(last["pressure"][at].mean() - p) / 1e4)
+            off.append(abs(last["pore_pressure"][at].mean() - p) / 1e4)
         top = -last["u"][np.isclose(mesh.x[:, 2], 1.0), 2].mean()
         sink.append(abs(top / settlement - 1))
     case.below("two layers: pressure, error / load", max_of(off), 0.01)
@@ -173,7 +174,7 @@ def judge_sealed(case: Case) -> None:
         write_deck(case, "sealed.nml", f"sealed_{k}",
                    {"YOUNG": 1.5 * bulk, "POROSITY": porosity})  # fmt: skip
         case.run("talus-fem", f"sealed_{k}.nml")
-        last = field_steps(case.folder / f"sealed_{k}.h5")[-1].solid["pressure"]
+        last = field_steps(case.folder / f"sealed_{k}.h5")[-1].solid["pore_pressure"]
         off.append(np.abs(last / 1e5 / skempton - 1).max())
     case.below("sealed cube: Skempton's B, error", max_of(off), 1e-10)
 
@@ -210,7 +211,7 @@ def judge_control(case: Case) -> None:
     x = nodes_of(case.folder / "hex20_20_1.h5")
     whole = field_steps(stem.with_suffix(".h5"))
     off = [
-        np.abs(s.solid["pressure"] - column.pressure(1.0 - x[:, 2], s.time / column.time(1.0)))
+        np.abs(s.solid["pore_pressure"] - column.pressure(1.0 - x[:, 2], s.time / column.time(1.0)))
         for s in whole[1:]
     ]
     case.below("steps of their own: pressure, error / p0", float(np.max(off) / column.p0), 0.01)

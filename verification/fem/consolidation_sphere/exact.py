@@ -50,7 +50,7 @@ def judge(case: Case, element: str, n: int, ax: object) -> None:
     case.run("talus-fem", f"run_{kind}.nml")
     centre = int(np.argmin(np.linalg.norm(mesh.x, axis=1)))
     steps = field_steps(case.folder / f"run_{kind}.h5")
-    found = {round(s.time, 6): s.solid["pressure"][centre] for s in steps}
+    found = {round(s.time, 6): s.solid["pore_pressure"][centre] for s in steps}
     off = max_of(abs(found[t] / LOAD - p / LOAD) for t, p in CENTRE)
     case.below(f"{element}: pressure at the centre, error / load", off, 0.02)
     table = read_history(case.folder / f"run_{kind}_pore.csv")

@@ -50,9 +50,9 @@ def judge_leak(case: Case, z: np.ndarray, ax: object) -> None:
     order = np.argsort(z)
     for step in run_deck(case, "leak", {"DRIVE": line})[1:]:
         exact = leaking(z, step.time)
-        off.append(np.abs(step.solid["pressure"] / LOAD - exact).max())
+        off.append(np.abs(step.solid["pore_pressure"] / LOAD - exact).max())
         ax.plot(exact[order], z[order], "k-", lw=1)
-        ax.plot(step.solid["pressure"] / LOAD, z, "o", ms=4, mfc="none")
+        ax.plot(step.solid["pore_pressure"] / LOAD, z, "o", ms=4, mfc="none")
     case.below("leak: pressure, error / p0", max_of(off), 0.01)
     judge_balance(case, "leak", "z1 leak")
     line = (f"&leak group = 'z1', coefficient = {COEFFICIENT!r}, pressure = 2.0e3 /\n"
@@ -62,7 +62,7 @@ def judge_leak(case: Case, z: np.ndarray, ax: object) -> None:
     flow = 8.0e3 / (HEIGHT / MOBILITY + 1 / COEFFICIENT)
     off = float(np.abs(last["darcy"][:, 2] / flow - 1).max())
     case.below("leak: steady flow, error", off, 1e-9)
-    off = float(np.abs(last["pressure"] - (1e4 - flow / MOBILITY * z)).max() / 1e4)
+    off = float(np.abs(last["pore_pressure"] - (1e4 - flow / MOBILITY * z)).max() / 1e4)
     case.below("leak: steady pressure, error", off, 1e-9)
 
 
@@ -82,7 +82,8 @@ def judge_seepage(case: Case, z: np.ndarray, ax: object) -> None:
     seeping = run_deck(case, "seepage", half | {"DRIVE": "&seepage group = 'z1' /"})
     held = run_deck(case, "held", half | {"DRIVE": "&pore_pressure group = 'z1', value = 0.0 /"})
     loaded = [k for k, s in enumerate(held) if 0 < s.time < END / 2 * 1.001]
-    off = [np.abs(seeping[k].solid["pressure"] - held[k].solid["pressure"]).max() for k in loaded]
+    p, wanted = ([s.solid["pore_pressure"] for s in steps] for steps in (seeping, held))
+    off = [np.abs(p[k] - wanted[k]).max() for k in loaded]
     case.below("seepage: pressure against a held one, difference / p0", max_of(off) / LOAD, 1e-3)
     books = read_history(case.folder / "seepage_pore.csv")
     flow = books["z1 seepage inflow"]
@@ -93,12 +94,12 @@ def judge_seepage(case: Case, z: np.ndarray, ax: object) -> None:
     case.below("seepage: settlement that comes back without load", kept, 1e-9)
     suction = -CONFINED * late[-1] / HEIGHT
     line, first = np.unique(np.round(z, 9), return_index=True)
-    mean = float(np.trapezoid(seeping[-1].solid["pressure"][first], line) / HEIGHT)
+    mean = float(np.trapezoid(seeping[-1].solid["pore_pressure"][first], line) / HEIGHT)
     case.metric("seepage: mean suction left / exact", mean / suction, 1.0, 1e-9)
     judge_balance(case, "seepage", "z1 seepage")
     time = np.array([s.time for s in seeping]) / END
     for name, steps in (("seepage", seeping), ("held", held)):
-        base = [s.solid["pressure"][np.isclose(z, 0.0)].mean() / LOAD for s in steps]
+        base = [s.solid["pore_pressure"][np.isclose(z, 0.0)].mean() / LOAD for s in steps]
         ax.plot(time, base, "o-", ms=4, mfc="none", label=name)
     ax.set(xlabel="time / end [-]", ylabel="p at the base / load [-]")
     ax.legend()

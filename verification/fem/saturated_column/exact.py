@@ -71,7 +71,7 @@ def judge_column(case: Case, kind: str, ax: object) -> None:
     steps = field_steps(case.folder / f"{title}.h5")
     top = np.array([s.solid["u"][np.isclose(z, 10.0), 2].mean() for s in steps])
     time = np.array([s.time for s in steps])
-    p = np.array([[s.solid["pressure"][np.isclose(z, at)].mean() for at in (0.0, 5.0, 9.0)]
+    p = np.array([[s.solid["pore_pressure"][np.isclose(z, at)].mean() for at in (0.0, 5.0, 9.0)]
                   for s in steps])  # fmt: skip
     off_u, off_p = [], []
     for t, u, pressures in COLUMN:
@@ -127,7 +127,7 @@ def judge_harmonic(case: Case, ax: object) -> None:
         late = [s for s in steps if s.time > (CYCLES - 4.01) * period]
         t = np.array([s.time for s in late])
         u = np.array([s.solid["u"][np.isclose(z, 5.0), 2].mean() for s in late])
-        p = np.array([s.solid["pressure"][np.isclose(z, 0.0)].mean() for s in late])
+        p = np.array([s.solid["pore_pressure"][np.isclose(z, 0.0)].mean() for s in late])
         phase = 2 * np.pi * frequency * t
         basis = np.column_stack([np.sin(phase), np.cos(phase), np.ones_like(t), t])
         for what, values, exact in (("top", u, top), ("base", p, base)):

@@ -31,7 +31,7 @@ def judge(case: Case, element: str, n: int, ax: object) -> None:
     off = float(np.abs(p / pressure(q / p) - 1).max())
     case.below(f"{element}: effective path, error", off, 1e-4)
     case.metric(f"{element}: p at the end / critical", float(p[-1] / (P0 * 2**-CAP)), 1.0, 5e-3)
-    pore = np.array([s.solid["pressure"] for s in steps])
+    pore = np.array([s.solid["pore_pressure"] for s in steps])
     wanted = (P0 + q / 3 - p)[:, None]
     off = float(np.abs(pore - wanted).max() / P0)
     case.below(f"{element}: pore pressure, error / p0", off, 1e-6)

@@ -53,7 +53,7 @@ def judge(case: Case, element: str, drive: str, ax: object) -> None:
         exact = -(1 - ratio) * (HEIGHT - points) * EXCESS / HEIGHT
         stress.append(np.abs(found - exact).max() / EXCESS)
         head = WATER * GRAVITY * (HEIGHT - z) + ratio * EXCESS * (HEIGHT - z) / HEIGHT
-        pressure.append(np.abs(step.solid["pressure"] - head).max() / EXCESS)
+        pressure.append(np.abs(step.solid["pore_pressure"] - head).max() / EXCESS)
         flow.append(np.abs(step.solid["darcy"][:, 2] - ratio * VELOCITY).max() / VELOCITY)
         base.append(-np.polyval(np.polyfit(points, found, 1), 0.0) / EXCESS)
     case.below(f"{title}: effective stress, error / buoyant weight", max_of(stress), 1e-8)
