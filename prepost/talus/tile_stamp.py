@@ -19,7 +19,8 @@ from talus.packing import Packing, read_packing, write_packing_file
 
 FORMAT = "talus-tile"
 SHARES = np.linspace(0.0, 1.0, 11)  # of the mass, at which the grading is given
-STRESS_ERROR = 0.01  # of the mean stress
+STRESS_ERROR = 0.01  # of the mean stress, for it and for normal stresses that are held
+ROUNDING = 1.0e-9  # of numbers that a stamp tells
 TANGENT_ERROR = 1.0e-6  # of a tangential force, over the mean normal force
 PARTS = (
     "id", "kind", "x", "quat", "axes", "v", "omega", "skew", "exponent", "cell", "corner", "pairs",
@@ -41,7 +42,41 @@ class Stamp:
     density: float
     mean_diameter: float
     openings: np.ndarray  # that SHARES of the mass pass, by the middle axis
+    mean_wanted: float  # stress that was to be held
+    normal_wanted: np.ndarray  # (3), stresses xx, yy, zz; not a number where only the mean was held
+    anisotropy: float = np.nan  # of the stress, see anisotropy_of
     hash: str = ""
+
+    def __post_init__(self) -> None:
+        """Take the anisotropy of the stress where none is given."""
+        if np.isnan(self.anisotropy):
+            self.anisotropy = anisotropy_of(self.stress)
+
+
+def anisotropy_of(stress: np.ndarray) -> float:
+    """Deviatoric over mean stress, sqrt(3/2 s:s)/p of a stress (3, 3), shear stresses with it."""
+    mean = np.trace(stress) / 3.0
+    part = 0.5 * (stress + stress.T) - mean * np.eye(3)
+    return float(np.sqrt(1.5 * (part * part).sum()) / mean)
+
+
+def check_held(stamp: Stamp) -> None:
+    """Raise a fault (E519) if the contacts do not bear the stresses that were to be held."""
+    mean = np.trace(stamp.stress) / 3.0
+    if not abs(mean / stamp.mean_wanted - 1.0) < STRESS_ERROR:
+        text = f"the contacts of the tile bear {mean:.5g} Pa, not {stamp.mean_wanted:g}"
+        raise FaultError("E519", text, "remove the stages hold and rest, and run it again")
+    normal = np.diag(stamp.stress)
+    off = np.abs(normal - stamp.normal_wanted) / mean
+    if (off > STRESS_ERROR).any():  # never where it is not a number
+        text = f"the contacts bear the normal stresses {listed(normal)} Pa"
+        text += f", not {listed(stamp.normal_wanted)}"
+        raise FaultError("E535", text, "more grains, another --seed, or --mean-only")
+
+
+def listed(numbers: np.ndarray) -> str:
+    """Return numbers with four digits and commas between."""
+    return ", ".join(f"{number:.4g}" for number in numbers)
 
 
 def mean_diameter(packing: Packing) -> float:
@@ -145,17 +180,24 @@ def write_tile(path: Path, tile: Packing, stamp: Stamp) -> None:
         write_packing_file(temporary, tile)
         with edited(temporary) as file:
             attributes = file.create_group("tile").attrs
-            attributes["format"], attributes["version"] = np.bytes_(FORMAT), np.int32(1)
+            attributes["format"], attributes["version"] = np.bytes_(FORMAT), np.int32(2)
             attributes["passing"] = SHARES
             for key, value in asdict(stamp).items():
                 attributes[key] = np.bytes_(value) if isinstance(value, str) else np.float64(value)
 
 
 def read_stamp(path: Path) -> Stamp:
-    """Read the stamp of a tile; none, or one of other grains, is a fault (E516)."""
+    """Read the stamp of a tile; none, or one of other grains, is a fault (E516).
+
+    Stamps of version 1 have no stresses that were held: the mean is taken.
+    """
     packing = read_packing(path)
     with opened(path) as file:
         attributes = dict(file["tile"].attrs) if "tile" in file else {}
+    if word(attributes.get("format", b"")) == FORMAT and int(attributes.get("version", 2)) == 1:
+        mean = np.trace(attributes.get("stress", np.zeros((3, 3)))) / 3.0
+        attributes |= {"mean_wanted": mean, "normal_wanted": np.full(3, np.nan)}
+        attributes |= {"anisotropy": np.nan}
     names = [field.name for field in fields(Stamp)]
     if word(attributes.get("format", b"")) != FORMAT or not set(names) <= set(attributes):
         raise FaultError("E516", f"{path} is no tile", "make one: talus pack tile")
@@ -165,4 +207,20 @@ def read_stamp(path: Path) -> Stamp:
     stamp = Stamp(**found)
     if stamp.hash != hash_of(packing):
         raise FaultError("E516", f"{path} is not as the tile was made: its hash differs")
+    check_told(path, stamp, packing)
     return stamp
+
+
+def check_told(path: Path, stamp: Stamp, packing: Packing) -> None:
+    """Raise a fault (E516) if numbers of a stamp do not belong together or to its packing."""
+    told = {
+        "solid fraction": (stamp.solid_fraction, solid_fraction(packing)),
+        "mean diameter": (stamp.mean_diameter, mean_diameter(packing)),
+        "coordination number": (stamp.coordination, 2.0 * len(packing.pairs) / packing.count),
+        "anisotropy of the stress": (stamp.anisotropy, anisotropy_of(stamp.stress)),
+    }
+    for name, (said, found) in told.items():
+        if not abs(said - found) <= ROUNDING * max(abs(found), 1.0e-3):
+            text = f"{path}: the stamp tells a {name} of {said:.6g}, found is {found:.6g}"
+            raise FaultError("E516", text, "make the tile again: talus pack tile")
+    check_held(stamp)

@@ -150,5 +150,6 @@ def report(options: argparse.Namespace, packing: Packing, facts: dict | None = N
         parts = ", ".join(f"{facts[name]} {name}" for name in names)
         print(f"{options.output}: {packing.count} grains ({parts})")
         for name, value in further.items():
-            print(f"{name}: {value:.3g}")
+            values = value if isinstance(value, list) else [value]
+            print(f"{name}: {', '.join(f'{part:.4g}' for part in values)}")
     return 0

@@ -20,7 +20,17 @@ def register(new: argparse.ArgumentParser) -> None:
     """Add the options of a tile."""
     cloud_options(new)
     axes_option(new, "--aspect", "ratio of the three edges", default=(1.0, 1.0, 1.0))
-    new.add_argument("--stress", type=positive, required=True, help="mean stress [Pa]")
+    stress = new.add_mutually_exclusive_group(required=True)
+    stress.add_argument(
+        "--stress", type=positive, help="normal stress [Pa], in all directions the same"
+    )
+    stress.add_argument(
+        "--stresses", type=positive, nargs=3, metavar="P",
+        help="normal stresses xx, yy, zz [Pa]; the edges then have a ratio of their own",
+    )  # fmt: skip
+    new.add_argument(
+        "--mean-only", action="store_true", help="hold the mean of the normal stresses, not each"
+    )
     dense = new.add_mutually_exclusive_group(required=True)
     dense.add_argument(
         "--solid-fraction", type=share, help="of the tile; the friction of making is searched"
@@ -61,10 +71,13 @@ def tile(options: argparse.Namespace) -> int:
     cloud = cloud_of(options, forms, sizes, box, periodic=True)
     if curve is not None:
         generate.check_gradation(cloud, *curve)
+    if options.mean_only and options.stresses is not None:
+        raise FaultError("E500", "--mean-only and --stresses exclude each other")
+    mean = options.stress or float(np.mean(options.stresses))
     wanted = Wanted(
-        options.stress, options.friction, options.density, options.young, options.poisson,
+        mean, options.friction, options.density, options.young, options.poisson,
         options.solid_fraction, options.making_friction, options.tolerance, options.trials,
-        options.edge, options.least_edges,
+        options.edge, options.least_edges, options.stresses, not options.mean_only,
     )  # fmt: skip
     work = options.work or options.output.with_name(f"{options.output.stem}_stages")
     say = (lambda text: None) if options.json else (lambda text: print(text, flush=True))
@@ -74,11 +87,19 @@ def tile(options: argparse.Namespace) -> int:
         "coordination number": stamp.coordination,
         "friction of making": stamp.making_friction,
         "mean stress [Pa]": float(np.trace(stamp.stress) / 3.0),
+        "normal stresses over the mean": normal_parts(stamp.stress),
+        "anisotropy of the stress": stamp.anisotropy,
         "edge [m]": float(made.cell[0, 0]),
+        "ratio of the edges": [float(e) for e in made.cell.diagonal() / made.cell[0, 0]],
         "edges in mean diameters": float(made.cell.diagonal().min() / stamp.mean_diameter),
     }
     write_tile(options.output, made, stamp)
     return report(options, made, facts)
+
+
+def normal_parts(stress: np.ndarray) -> list[float]:
+    """Return the normal stresses of a stress (3, 3) over their mean."""
+    return [float(part) for part in np.diag(stress) / (np.trace(stress) / 3.0)]
 
 
 def spheres_of(forms: Forms, sizes: np.ndarray) -> float:
