@@ -2,8 +2,8 @@
 !!
 !! Each grain of the surface (dem_surface) is pushed down by the stress times the free part of its
 !! Voronoi cell in the plan, so that the forces add up to stress times free area whatever the grains
-!! do. The free area is a rectangle, given or between upright walls, less a disc around every driven
-!! grain and one that the deck may name. Surface and areas are updated every so many steps; in
+!! do. The free area is a rectangle, given, between upright walls or that of a cell that is periodic
+!! along x and y, less a disc around every driven grain and one that the deck may name. Surface and areas are updated every so many steps; in
 !! between the forces are constant. They are extra forces: the ledger counts their work as external.
 !! In an overlap with a solid, the share of ghosts is applied by the loads of the solid.
 !! eq. D.7
@@ -16,7 +16,9 @@ module dem_surcharge
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_ledger, only: staggering_of, follow_load
-  use dem_plan, only: plan_type, free_area, cell_areas, outline_of, largest_reach
+  use dem_cell, only: is_periodic
+  use dem_plan, only: plan_type, free_area, cell_areas, outline_of, largest_reach, folded_in, &
+    with_images
   use dem_ellipsoid, only: rotation_of
   use dem_state, only: dem_data_type, kind_driven, kind_free, seen_size => surcharge_seen_size
   use dem_surface, only: surface_rows
@@ -72,9 +74,6 @@ contains
     self%active = deck%count('surcharge') > 0
     if (.not. self%active) return
     self%curves = curves
-    if (deck%count('cell') > 0) &
-      call deck%fault(errors, 'D280', 'a periodic cell has no free surface', 'surcharge', 1, '', &
-                      'leave the surcharge or the cell out')
     call deck%get('surcharge', 1, 'stress', self%stress)
     call curve_index(deck, 'D250', curves, 'surcharge', 1, self%curve, errors)
     call deck%get('surcharge', 1, 'clearance', self%clearance)
@@ -91,8 +90,40 @@ contains
         call deck%fault(errors, 'D280', 'the hole has no radius', 'surcharge', 1, 'hole', &
                         'give x, y and a radius above 0 in m')
     end if
+    call check_cell(deck, d, errors)
+    if (deck%count('cell') > 0 .and. .not. d%cell%active) return  ! it had faults
+    if (is_periodic(d%cell)) return
     call read_rectangle(self, deck, d, errors)
   end subroutine read_surcharge
+
+  !> A cell is periodic along x and y alone, or along neither (D280).
+  subroutine check_cell(deck, d, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: what
+    real(wp) :: off(3, 2)
+
+    if (.not. is_periodic(d%cell)) return
+    off = d%cell%vectors(:, :2)
+    off(1, 1) = 0.0_wp
+    off(2, 2) = 0.0_wp
+    what = ''
+    if (d%cell%periodic(3)) then
+      what = 'a cell that is periodic along its third edge has no free surface'
+    else if (.not. all(d%cell%periodic(:2))) then
+      what = 'a cell that is periodic in one direction has no known free surface'
+    else if (any(abs(off) > upright*maxval(abs(d%cell%vectors)))) then
+      what = 'the edges of the cell do not lie along x and y'
+    else if (deck%count('cell_rate') + deck%count('cell_stress') > 0) then
+      what = 'the cell is strained under its surcharge'
+    else if (deck%given('surcharge', 1, 'lower')) then
+      what = 'in a cell the free surface is that of the cell'
+    end if
+    if (len(what) > 0) &
+      call deck%fault(errors, 'D280', what, 'surcharge', 1, '', "&cell periodic = 'a', 'b', a "// &
+                      'box at rest, without lower and upper; or leave the surcharge out')
+  end subroutine check_cell
 
   !> The rectangle: lower and upper, or one wall on each side (D280).
   subroutine read_rectangle(self, deck, d, errors)
@@ -183,7 +214,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(plan_type) :: plan
     integer(i4), allocatable :: rows(:)
-    real(wp), allocatable :: area(:), force(:)
+    real(wp), allocatable :: area(:), force(:), place(:, :)
     logical, allocatable :: carries(:)
     real(wp) :: stress, before, loaded
     integer(i4) :: i
@@ -200,8 +231,11 @@ contains
                       'group surcharge', 'check lower, upper, clearance and where the bed is')
       return
     end if
-    allocate (area(size(rows)))
-    call cell_areas(plan, d%grains%x(:2, rows), area)
+    allocate (area(size(rows)), place(2, size(rows)))
+    do i = 1, size(rows)
+      place(:, i) = folded_in(plan, d%grains%x(:2, rows(i)))
+    end do
+    call cell_areas(plan, place, area)
     stress = self%stress
     if (self%curve > 0) stress = self%stress*self%curves(self%curve)%at(time)
     allocate (force(d%grains%n), source=0.0_wp)
@@ -247,6 +281,11 @@ contains
       plan%lower(axis) = d%planes%point(axis, self%wall(1, axis))
       plan%upper(axis) = d%planes%point(axis, self%wall(2, axis))
     end do
+    if (is_periodic(d%cell)) then
+      plan%periodic = .true.
+      plan%lower = d%cell%origin(:2)
+      plan%upper = d%cell%origin(:2) + [d%cell%vectors(1, 1), d%cell%vectors(2, 2)]
+    end if
     plan%disc = self%hole
     do i = 1, merge(d%grains%n, 0, self%clearance > 0.0_wp)
       if (d%grains%kind(i) /= kind_driven) cycle
@@ -255,6 +294,7 @@ contains
                                                         d%grains%axes(:, i)))
       plan%disc = reshape([plan%disc, ring], [3, size(plan%disc, 2) + 1])
     end do
+    call repeat_discs(plan)
     do i = 2, size(plan%disc, 2)
       do j = 1, i - 1
         if (sum((plan%disc(:2, i) - plan%disc(:2, j))**2) >= &
@@ -268,6 +308,22 @@ contains
       end do
     end do
   end subroutine plan_now
+
+  !> Images of the discs over the faces of a periodic plan, behind them.
+  pure subroutine repeat_discs(plan)
+    type(plan_type), intent(inout) :: plan
+    real(wp), allocatable :: points(:, :), disc(:, :)
+    integer(i4), allocatable :: row(:)
+    integer(i4) :: k
+    if (.not. any(plan%periodic)) return
+    do k = 1, size(plan%disc, 2)
+      plan%disc(:2, k) = folded_in(plan, plan%disc(:2, k))
+    end do
+    call with_images(plan, plan%disc(:2, :), plan%upper - plan%lower, points, row)
+    disc = plan%disc(:, row)
+    disc(:2, :) = points
+    call move_alloc(disc, plan%disc)
+  end subroutine repeat_discs
 
   !> What carries how much, as last seen.
   function surcharge_text(self, d) result(text)

@@ -13,7 +13,8 @@
 module dem_surface
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_grains_type, kind_free, kind_ghost
-  use dem_plan, only: plan_type, outline_of, largest_reach, holds_centre, outlines_meet
+  use dem_plan, only: plan_type, outline_of, largest_reach, holds_centre, outlines_meet, &
+    folded_in, nearest, with_images
   use dem_ellipsoid, only: rotation_of
   implicit none
   private
@@ -29,11 +30,13 @@ module dem_surface
     real(wp), allocatable :: outline(:, :)  !! (3, n), see outline_of [m^2]
     real(wp), allocatable :: reach(:)       !! (n) largest semi-axis of the outline [m]
     real(wp), allocatable :: half(:)        !! (n) vertical semi-extent [m]
+    real(wp), allocatable :: x(:, :)        !! (2, entries) grains, then images over faces [m]
+    integer(i4), allocatable :: row(:)      !! (entries) of the grain
     real(wp) :: corner(2) = 0.0_wp          !! of the first bin [m]
     real(wp) :: edge = 1.0_wp               !! of a bin [m]
     integer(i4) :: bins(2) = 1
     integer(i4), allocatable :: first(:)    !! (bins + 1) in list
-    integer(i4), allocatable :: list(:)     !! grains of the bed by bin
+    integer(i4), allocatable :: list(:)     !! entries of the bed by bin
   end type view_type
 
 contains
@@ -56,11 +59,11 @@ contains
     call look_down(g, plan, view)
     do i = 1, g%n
       top(i) = view%bed(i)
-      if (top(i)) top(i) = inside(plan, g%x(:2, i))
+      if (top(i)) top(i) = inside(plan, view%x(:, i))
       slack = 0.0_wp
       if (present(was)) slack = merge(1.0_wp, -1.0_wp, was(i))
       if (top(i)) top(i) = .not. under_free(g, view, i, slack)
-      if (top(i)) top(i) = .not. under_held(g, view, i, slack)
+      if (top(i)) top(i) = .not. under_held(g, plan, view, i, slack)
     end do
     rows = pack([(i, i=1, g%n)], top)
   end function surface_rows
@@ -69,7 +72,7 @@ contains
     type(plan_type), intent(in) :: plan
     real(wp), intent(in) :: x(2)
     integer(i4) :: k
-    inside = all(x > plan%lower .and. x < plan%upper)
+    inside = all(plan%periodic .or. (x > plan%lower .and. x < plan%upper))
     do k = 1, size(plan%disc, 2)
       inside = inside .and. sum((x - plan%disc(:2, k))**2) > plan%disc(3, k)**2
     end do
@@ -80,8 +83,8 @@ contains
     type(dem_grains_type), intent(in) :: g
     type(plan_type), intent(in) :: plan
     type(view_type), intent(inout) :: view
-    real(wp) :: turn(3, 3)
-    integer(i4) :: i, b
+    real(wp) :: turn(3, 3), place(2, g%n)
+    integer(i4) :: i
 
     allocate (view%outline(3, g%n), view%reach(g%n), view%half(g%n))
     do i = 1, g%n
@@ -89,28 +92,37 @@ contains
       view%outline(:, i) = outline_of(turn, g%axes(:, i))
       view%reach(i) = largest_reach(view%outline(:, i))
       view%half(i) = sqrt(sum((turn(3, :)*g%axes(:, i))**2))
+      place(:, i) = folded_in(plan, g%x(:2, i))
     end do
     view%edge = max(2.0_wp*maxval(view%reach, mask=view%bed), tiny(1.0_wp))
     view%corner = plan%lower - view%edge
     view%bins = 2 + ceiling(min((plan%upper - plan%lower)/view%edge, 1.0e4_wp))
+    call with_images(plan, place, [view%edge, view%edge], view%x, view%row)
+    call fill_bins(view)
+  end subroutine look_down
+
+  !> Entries of the bed by bin, ascending in each.
+  pure subroutine fill_bins(view)
+    type(view_type), intent(inout) :: view
+    integer(i4) :: i, b
     allocate (view%first(product(view%bins) + 1), source=0_i4)
-    allocate (view%list(count(view%bed)))
-    do i = 1, g%n
-      if (.not. view%bed(i)) cycle
-      b = bin_of(view, g%x(:2, i))
+    allocate (view%list(count(view%bed(view%row))))
+    do i = 1, size(view%row)
+      if (.not. view%bed(view%row(i))) cycle
+      b = bin_of(view, view%x(:, i))
       view%first(b) = view%first(b) + 1
     end do
     do b = 2, size(view%first)
       view%first(b) = view%first(b) + view%first(b - 1)
     end do
-    do i = g%n, 1, -1
-      if (.not. view%bed(i)) cycle
-      b = bin_of(view, g%x(:2, i))
+    do i = size(view%row), 1, -1
+      if (.not. view%bed(view%row(i))) cycle
+      b = bin_of(view, view%x(:, i))
       view%list(view%first(b)) = i
       view%first(b) = view%first(b) - 1
     end do
     view%first = view%first + 1
-  end subroutine look_down
+  end subroutine fill_bins
 
   pure integer(i4) function bin_of(view, x) result(b)
     type(view_type), intent(in) :: view
@@ -139,15 +151,15 @@ contains
 
     above = g%x(3, i) + (higher + slack*higher_slack)*view%half(i)
     scale = 1.0_wp + slack*outline_slack
-    at = place_of(view, g%x(:2, i))
+    at = place_of(view, view%x(:, i))
     under = .true.
     do row = max(at(2) - 1, 1), min(at(2) + 1, view%bins(2))
       b = view%bins(1)*(row - 1)
       do k = view%first(b + max(at(1) - 1, 1)), &
              view%first(b + min(at(1) + 1, view%bins(1)) + 1) - 1
-        j = view%list(k)
+        j = view%row(view%list(k))
         if (g%x(3, j) <= above) cycle
-        r = scale*(g%x(:2, j) - g%x(:2, i))
+        r = scale*(view%x(:, view%list(k)) - view%x(:, i))
         if (sum(r**2) >= (view%reach(i) + view%reach(j))**2) cycle
         if (outlines_meet(view%outline(:, i), view%outline(:, j), r)) return
       end do
@@ -156,8 +168,9 @@ contains
   end function under_free
 
   !> Does a fixed or driven grain or a ghost lie above the centre of grain i?
-  pure logical function under_held(g, view, i, slack) result(under)
+  pure logical function under_held(g, plan, view, i, slack) result(under)
     type(dem_grains_type), intent(in) :: g
+    type(plan_type), intent(in) :: plan
     type(view_type), intent(in) :: view
     integer(i4), intent(in) :: i
     real(wp), intent(in) :: slack  !! as of under_free
@@ -166,7 +179,7 @@ contains
     under = .true.
     do j = 1, g%n
       if (view%bed(j) .or. g%x(3, j) <= g%x(3, i)) cycle
-      r = (1.0_wp + slack*outline_slack)*(g%x(:2, i) - g%x(:2, j))
+      r = (1.0_wp + slack*outline_slack)*nearest(plan, g%x(:2, i) - g%x(:2, j))
       if (sum(r**2) >= view%reach(j)**2) cycle
       if (holds_centre(view%outline(:, j), r)) return
     end do

@@ -81,9 +81,9 @@ contains
     call self%servo%read(self%deck, self%system%dem_data_type, self%choices%wall, self%served, &
                          errors)
     call read_step_curve(self%deck, self%servo%curve, self%choices, errors)
-    call self%surcharge%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     if (errors%any()) return
     call read_cell(self%deck, self%packing, self%choices%wall, self%served, self%system, errors)
+    call self%surcharge%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     call check_regions(self%deck, self%system, self%measures, errors)
     call self%flow%read(self%deck, self%system%dem_data_type, self%servo%curve, errors)
     call read_bodies(self%deck, self%served, self%system%surfaces, errors)

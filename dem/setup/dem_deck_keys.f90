@@ -848,7 +848,8 @@ contains
     call table%preset('')
     call table%add_key('lower', 'real', 'm', &
       'Lower corner (x, y) of the rectangle; left out with upper, it lies between the ' &
-      //'four walls across x and y and moves with them.')
+      //'four walls across x and y and moves with them, or is that of a cell periodic ' &
+      //'along x and y.')
     call table%sized(2_i4, 2_i4)
     call table%magnitude(0.0_wp, 10000000.0_wp)
     call table%needs('upper')

@@ -1,11 +1,11 @@
 !> Geometry in the plan (x and y): outlines of ellipsoids, cells of points in a rectangle and the
 !! part of them that lies outside discs. Areas are exact: cells are polygons, discs are cut along
-!! their arcs.
+!! their arcs. The rectangle may be periodic along x, y or both: then its sides are no borders.
 module dem_plan
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: plan_type, free_area, cell_areas, disc_part
+  public :: plan_type, free_area, cell_areas, disc_part, folded_in, nearest, with_images
   public :: outline_of, largest_reach, holds_centre, outlines_meet
 
   integer(i4), parameter :: sections = 40  !! of the golden section: 4e-9 of its interval
@@ -14,10 +14,60 @@ module dem_plan
   type :: plan_type
     real(wp) :: lower(2) = 0.0_wp         !! corner [m]
     real(wp) :: upper(2) = 0.0_wp         !! [m]
-    real(wp), allocatable :: disc(:, :)   !! (3, n) centre, radius [m]
+    real(wp), allocatable :: disc(:, :)   !! (3, n) centre, radius, with images over faces [m]
+    logical :: periodic(2) = .false.      !! along x, y
   end type plan_type
 
 contains
+
+  !> A point moved by whole periods into the rectangle [m].
+  pure function folded_in(plan, x) result(inside)
+    type(plan_type), intent(in) :: plan
+    real(wp), intent(in) :: x(2)
+    real(wp) :: inside(2)
+    inside = x
+    where (plan%periodic) inside = x - (plan%upper - plan%lower)* &
+      floor((x - plan%lower)/(plan%upper - plan%lower))
+  end function folded_in
+
+  !> A vector between two points made as short as periods allow [m].
+  pure function nearest(plan, apart) result(r)
+    type(plan_type), intent(in) :: plan
+    real(wp), intent(in) :: apart(2)
+    real(wp) :: r(2)
+    r = apart
+    where (plan%periodic) r = apart - (plan%upper - plan%lower)* &
+      anint(apart/(plan%upper - plan%lower))
+  end function nearest
+
+  !> Points (2, n) of the rectangle and, behind them, their images within a distance of it; `row`
+  !! tells of which point each is one.
+  pure subroutine with_images(plan, x, reach, points, row)
+    type(plan_type), intent(in) :: plan
+    real(wp), intent(in) :: x(:, :)   !! [m]
+    real(wp), intent(in) :: reach(2)  !! along x, y [m]
+    real(wp), allocatable, intent(out) :: points(:, :)
+    integer(i4), allocatable, intent(out) :: row(:)
+    logical :: close(size(x, 2))
+    real(wp) :: moved(2, size(x, 2)), edge(2)
+    integer(i4) :: i, j, k
+
+    points = x
+    row = [(k, k=1, size(x, 2))]
+    edge = merge(plan%upper - plan%lower, 0.0_wp, plan%periodic)
+    do j = -1, 1
+      do i = -1, 1
+        if ((i == 0 .and. j == 0) .or. any([i, j] /= 0 .and. .not. plan%periodic)) cycle
+        do k = 1, size(x, 2)
+          moved(:, k) = x(:, k) + [i, j]*edge
+          close(k) = all(moved(:, k) > plan%lower - reach .and. moved(:, k) < plan%upper + reach)
+        end do
+        row = [row, pack([(k, k=1, size(x, 2))], close)]
+        points = reshape([points, moved(:, pack([(k, k=1, size(x, 2))], close))], &
+                         [2, size(row)])
+      end do
+    end do
+  end subroutine with_images
 
   !> Area of the rectangle outside the discs [m^2].
   pure real(wp) function free_area(plan) result(area)
@@ -47,19 +97,23 @@ contains
     type(plan_type), intent(in) :: plan
     real(wp), intent(in) :: x(:, :)     !! [m]
     real(wp), intent(out) :: area(:)    !! (n)
-    real(wp) :: distance(size(x, 2)), cell(2, size(x, 2) + 4), reach
+    real(wp), allocatable :: point(:, :), distance(:), cell(:, :)
+    integer(i4), allocatable :: row(:)
+    real(wp) :: reach
     integer(i4) :: i, j, k, n
 
+    call with_images(plan, x, plan%upper - plan%lower, point, row)
+    allocate (cell(2, size(row) + 4))
     do i = 1, size(x, 2)
-      distance = (x(1, :) - x(1, i))**2 + (x(2, :) - x(2, i))**2
+      distance = (point(1, :) - x(1, i))**2 + (point(2, :) - x(2, i))**2
       distance(i) = huge(1.0_wp)
       n = 4
-      cell(:, :4) = corners_of(plan)
+      cell(:, :4) = borders_of(plan, x(:, i))
       do
         reach = maxval((cell(1, :n) - x(1, i))**2 + (cell(2, :n) - x(2, i))**2)
         j = minloc(distance, 1)
         if (distance(j) > 4.0_wp*reach) exit
-        call cut(cell, n, 0.5_wp*(x(:, i) + x(:, j)), x(:, j) - x(:, i))
+        call cut(cell, n, 0.5_wp*(x(:, i) + point(:, j)), point(:, j) - x(:, i))
         distance(j) = huge(1.0_wp)
       end do
       area(i) = polygon_area(cell(:, :n))
@@ -68,6 +122,17 @@ contains
       end do
     end do
   end subroutine cell_areas
+
+  !> Corners of the largest cell that a point can have: the rectangle, along periods about it.
+  pure function borders_of(plan, x) result(corner)
+    type(plan_type), intent(in) :: plan
+    real(wp), intent(in) :: x(2)
+    real(wp) :: corner(2, 4)
+    type(plan_type) :: own
+    own%lower = merge(x - 0.5_wp*(plan%upper - plan%lower), plan%lower, plan%periodic)
+    own%upper = merge(x + 0.5_wp*(plan%upper - plan%lower), plan%upper, plan%periodic)
+    corner = corners_of(own)
+  end function borders_of
 
   !> Keep of a convex polygon what lies against the direction d from a point.
   pure subroutine cut(p, n, point, d)

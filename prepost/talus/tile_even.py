@@ -3,8 +3,9 @@
 A pressed packing of some hundred grains bears normal stresses that differ by some per cent. A servo
 an axis would make them equal, but leave edges apart. Here the cell is strained without change of
 volume against the wanted change of stress and back to where it was, while the mean is held: loading
-is softer than unloading, so some of the stress of the way back stays. A cycle that made the stresses
-more equal is kept and the next goes on from there; another is dropped and tried with less strain.
+is softer than unloading, so some of the stress of the way back stays. A cycle that made the
+stresses more equal is kept and the next goes on from there; another is dropped and tried with less
+strain. Where no strain helps, a large one begins the search anew.
 """
 
 from collections.abc import Callable
@@ -39,7 +40,8 @@ class Cycles(Protocol):
 def cycle_text(strain: np.ndarray, rate: float) -> tuple[str, float]:
     """Return the groups of a cycle with strains (3) at a largest rate [1/s], and its time [s]."""
     half = float(np.abs(strain).max()) / rate
-    times = half * np.array([0.0, CORNER, 1.0, 1.0 + 2.0 * CORNER, 2.0 + CORNER, 2.0 + 2.0 * CORNER])
+    c = CORNER
+    times = half * np.array([0.0, c, 1.0, 1.0 + 2.0 * c, 2.0 + c, 2.0 + 2.0 * c])
     words = ", ".join(f"{time:.12g}" for time in times)
     return CYCLE.format(rates=strain / half, times=words), float(times[-1])
 
@@ -56,21 +58,26 @@ def even(
     apart = normal / normal.mean() - 1.0
     amplitude = min(FIRST * np.linalg.norm(apart) ** 0.5, MOST)
     number = kept = 0
-    while np.abs(apart).max() > EVEN and number < MOST_CYCLES and amplitude > LEAST:
+    shaken = False
+    while np.abs(apart).max() > EVEN and number < MOST_CYCLES:
         number += 1
         size = np.linalg.norm(apart)
         # a normal stress that is too low: longer first, then back
         normal = stages.cycle(number, -amplitude * scale * apart / size)
         after = normal / normal.mean() - 1.0
         left = np.linalg.norm(after)
-        if left >= size:
+        if left >= size and not shaken:
             amplitude *= DROPPED
+            shaken = amplitude < LEAST
+            amplitude = MOST if shaken else amplitude
             continue
         stages.keep()
-        change = (left / (size - left)) ** 0.5
+        shaken = False
+        change = (left / max(size - left, 1.0e-6)) ** 0.5
         amplitude = min(amplitude * float(np.clip(change, LEAST_CHANGE, MOST_CHANGE)), MOST)
         apart, kept = after, kept + 1
     error = float(np.abs(apart).max())
     if number:
-        say(f"normal stresses equal to {100.0 * error:.2g} % by {kept} of {number} cycles of strain")
+        part = f"{100.0 * error:.2g} %"
+        say(f"normal stresses equal to {part} by {kept} of {number} cycles of strain")
     return error

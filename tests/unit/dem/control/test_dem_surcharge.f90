@@ -6,8 +6,9 @@ program test_dem_surcharge
   use dem_archive, only: dem_archive_type
   use dem_law, only: make_linear_law
   use dem_make, only: make_grains, make_planes
+  use dem_cell, only: set_cell
   use dem_plan, only: plan_type, free_area, cell_areas, disc_part, outline_of, largest_reach, &
-    holds_centre, outlines_meet
+    holds_centre, outlines_meet, folded_in
   use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
   use dem_surcharge, only: dem_surcharge_type
   use dem_surface, only: surface_rows
@@ -19,8 +20,11 @@ program test_dem_surcharge
 
   call check_discs()
   call check_cells()
+  call check_periodic_cells()
   call check_outlines()
   call check_surface()
+  call check_periodic_surface()
+  call check_periodic_forces()
   call check_forces()
   call check_follow()
   call check_given()
@@ -81,6 +85,42 @@ contains
     call cell_areas(plan, x(:, :1), area(:1))
     call test%check_close('one has it all', area(1), free_area(plan), 1.0e-14_wp)
   end subroutine check_cells
+
+  !> In a periodic plan areas are those of the middle of 3 x 3 copies, wherever the faces lie.
+  subroutine check_periodic_cells()
+    type(plan_type) :: plan, whole
+    real(wp) :: x(2, 12), moved(2, 12), area(12), other(12), copies(2, 108), all_areas(108)
+    integer(i4) :: i, j, k
+    plan%lower = [-1.0_wp, 2.0_wp]
+    plan%upper = [5.0_wp, 7.0_wp]
+    plan%periodic = .true.
+    allocate (plan%disc(3, 0), whole%disc(3, 0))
+    do i = 1, 12
+      x(:, i) = plan%lower + [6.0_wp, 5.0_wp]*modulo(i*[0.6180339887_wp, 0.7548776662_wp], 1.0_wp)
+    end do
+    call cell_areas(plan, x, area)
+    call test%check_close('they share the plan', sum(area), 30.0_wp, 1.0e-14_wp)
+    k = 0
+    do j = 0, 2
+      do i = 0, 2
+        copies(:, 12*k + 1:12*k + 12) = x + spread([6.0_wp*i, 5.0_wp*j], 2, 12)
+        k = k + 1
+      end do
+    end do
+    whole%lower = plan%lower
+    whole%upper = plan%lower + 3.0_wp*[6.0_wp, 5.0_wp]
+    call cell_areas(whole, copies, all_areas)
+    call test%check_all_close('the middle copy', area, all_areas(49:60), 1.0e-13_wp)
+    do i = 1, 12
+      moved(:, i) = folded_in(plan, x(:, i) + [14.3_wp, -3.9_wp])
+    end do
+    call cell_areas(plan, moved, other)
+    call test%check_all_close('moved over the faces', other, area, 1.0e-13_wp)
+    call cell_areas(plan, x(:, :1), other(:1))
+    call test%check_close('one has it all', other(1), 30.0_wp, 1.0e-14_wp)
+    call cell_areas(plan, x(:, :2), other(:2))
+    call test%check_close('two share it alike', other(1), 15.0_wp, 1.0e-14_wp)
+  end subroutine check_periodic_cells
 
   !> Outlines of a turned ellipsoid, and circles that touch.
   subroutine check_outlines()
@@ -145,6 +185,56 @@ contains
     if (size(rows) == 3) call test%check('which', all(rows == [2, 3, 4]))
     call check_slack(s, plan)
   end subroutine check_surface
+
+  !> Grains over a face, free or fixed, cover as others do; centres beyond the faces count.
+  subroutine check_periodic_surface()
+    type(dem_system_type) :: s
+    type(plan_type) :: plan
+    integer(i4), allocatable :: rows(:)
+    real(wp) :: x(3, 6)
+    x(:, 1) = [0.4_wp, 5.0_wp, 1.0_wp]
+    x(:, 2) = [9.6_wp, 5.0_wp, 2.0_wp]     ! over a face: above the first
+    x(:, 3) = [5.0_wp, -0.3_wp, 1.0_wp]    ! beyond a face
+    x(:, 4) = [5.0_wp, 8.9_wp, 3.0_wp]     ! above the third
+    x(:, 5) = [8.0_wp, 0.2_wp, 1.0_wp]
+    x(:, 6) = [-2.0_wp, 19.9_wp, 4.0_wp]   ! fixed, above the fifth
+    call make_spheres(1.0e-3_wp*x, [0, 0, 0, 0, 0, kind_fixed], s)
+    plan%upper = 10.0e-3_wp
+    allocate (plan%disc(3, 0))
+    plan%periodic = .true.
+    rows = surface_rows(s%grains, plan, .true.)
+    call test%check('the surface over faces', size(rows) == 2)
+    if (size(rows) == 2) call test%check('which, over faces', all(rows == [2, 4]))
+    plan%periodic = .false.
+    rows = surface_rows(s%grains, plan, .true.)
+    call test%check('with borders it is another', size(rows) == 4)
+    if (size(rows) == 4) call test%check('which, with borders', all(rows == [1, 2, 4, 5]))
+  end subroutine check_periodic_surface
+
+  !> In a cell the rectangle is that of the cell; a driven grain at its face leaves its disc free.
+  subroutine check_periodic_forces()
+    type(dem_system_type) :: s
+    type(dem_surcharge_type) :: surcharge
+    type(error_list_type) :: errors
+    real(wp) :: x(3, 4), edges(3, 3), free
+    x = reshape([2.0_wp, 2.0_wp, 1.0_wp, 6.0_wp, 7.0_wp, 1.0_wp, 12.5_wp, 4.0_wp, 1.0_wp, &
+                 -0.1_wp, 8.0_wp, 1.0_wp], [3, 4])
+    call make_spheres(1.0e-3_wp*x, [0, 0, 0, kind_driven], s)
+    edges = 0.0_wp
+    edges(1, 1) = 10.0e-3_wp
+    edges(2, 2) = 9.0e-3_wp
+    edges(3, 3) = 5.0e-3_wp
+    call set_cell(s%cell, [0.0_wp, 0.0_wp, 0.0_wp], edges, [.true., .true., .false.])
+    surcharge%active = .true.
+    surcharge%stress = 1.0e3_wp
+    surcharge%clearance = 1.2_wp
+    allocate (surcharge%hole(3, 0))
+    call surcharge%start(s%dem_data_type, none, 0.0_wp, 0_i8, errors)
+    call test%check('a cell has a surface', .not. errors%any())
+    free = 90.0e-6_wp - pi*(1.2_wp*maxval(s%grains%axes(:, 4)))**2
+    call test%check_close('stress x free area', sum(s%surcharge), 1.0e3_wp*free, 1.0e-12_wp)
+    call test%check('all three carry', all(s%surcharge(:3) > 0.0_wp))
+  end subroutine check_periodic_forces
 
   !> A grain leaves the surface later than it returns: by height (0.15 and 0.05 of the vertical
   !! semi-extent) and by outlines (3 % smaller and larger).
