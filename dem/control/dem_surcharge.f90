@@ -3,9 +3,10 @@
 !! Each grain of the surface (dem_surface) is pushed down by the stress times the free part of its
 !! Voronoi cell in the plan, so that the forces add up to stress times free area whatever the grains
 !! do. The free area is a rectangle, given, between upright walls or that of a cell that is periodic
-!! along x and y, less a disc around every driven grain and one that the deck may name. Surface and areas are updated every so many steps; in
-!! between the forces are constant. They are extra forces: the ledger counts their work as external.
-!! In an overlap with a solid, the share of ghosts is applied by the loads of the solid.
+!! along x and y, less a disc around every driven grain and one that the deck may name. Surface and
+!! areas are updated every so many steps; in between the forces are constant. They are extra forces:
+!! the ledger counts their work as external. In an overlap with a solid, the share of ghosts is
+!! applied by the loads of the solid.
 !! eq. D.7
 module dem_surcharge
   use talus_kinds, only: wp, i4, i8

@@ -230,9 +230,7 @@ class Stages:
         say(f"at rest with friction {mu:g}, solid fraction {solid_fraction(end):.4f}")
         return end
 
-    def held(
-        self, name: str, source: str, rest: str, normal: list[float] | None = None
-    ) -> Packing:
+    def held(self, name: str, source: str, rest: str, normal: list[float] | None = None) -> Packing:
         """Let a packing rest at the stress and then, under another name, in a cell at rest."""
         mu = self.wanted.friction
         self.run(name, source, mu, self.servo(normal) + REST, ("1.0e-5", "1.0e-9"))

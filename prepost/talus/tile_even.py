@@ -20,6 +20,7 @@ LEAST, MOST = 0.05, 2.0  # amplitudes in those
 LEAST_CHANGE, MOST_CHANGE = 0.4, 1.8  # of the amplitude from one cycle to the next
 DROPPED = 0.6  # of the amplitude after a cycle that is dropped
 CORNER = 1.0e-3  # of the time of half a cycle, in which the rate begins, turns (twice) and ends
+AFTER = 1.5  # of the time of a cycle, until its run ends: rates are means over the next 10 steps
 CYCLE = """&cell_rate component = 'xx', rate = {rates[0]:.12g}, curve = 'cycle' /
 &cell_rate component = 'yy', rate = {rates[1]:.12g}, curve = 'cycle' /
 &cell_rate component = 'zz', rate = {rates[2]:.12g}, curve = 'cycle' /
@@ -43,12 +44,10 @@ def cycle_text(strain: np.ndarray, rate: float) -> tuple[str, float]:
     c = CORNER
     times = half * np.array([0.0, c, 1.0, 1.0 + 2.0 * c, 2.0 + c, 2.0 + 2.0 * c])
     words = ", ".join(f"{time:.12g}" for time in times)
-    return CYCLE.format(rates=strain / half, times=words), float(times[-1])
+    return CYCLE.format(rates=strain / half, times=words), AFTER * float(times[-1])
 
 
-def even(
-    stages: Cycles, normal: np.ndarray, young: float, say: Callable[[str], None]
-) -> float:
+def even(stages: Cycles, normal: np.ndarray, young: float, say: Callable[[str], None]) -> float:
     """Cycle until the normal stresses (3) [Pa] are equal, and return by how much they are not.
 
     Young's modulus [Pa] scales the strain.
