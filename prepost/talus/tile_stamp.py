@@ -128,32 +128,47 @@ def check_images(tile: Packing) -> None:
         raise FaultError("E519", "two grains touch twice, over different images", "more grains")
 
 
-def measured_stress(tile: Packing, contacts: dict[str, np.ndarray]) -> tuple[np.ndarray, int]:
-    """Return the stress (3, 3) of the contacts of a run [Pa], and their number.
+@dataclass
+class Forces:
+    """Contacts of a run in the order of the packing's: unit normals, forces on the second."""
 
-    Contacts are those of a field file at the start of a run of the tile: ids, normals and forces on
-    the second grain; branch vectors are those of the tile. A contact that the tile has not, or
-    whose tangential force differs from that of the tile, is a fault (E519).
+    force: np.ndarray  # (m, 3) [N]
+    normal: np.ndarray  # (m, 3)
+    branch: np.ndarray  # (m, 3), of the packing [m]
+    overlap: np.ndarray  # (m) [m]
+
+
+def forces_of(packing: Packing, contacts: dict[str, np.ndarray]) -> Forces:
+    """Return the forces of the contacts of a packing in a run of it.
+
+    Contacts are those of a field file at the start of a run: ids, normals, forces on the second. A
+    contact that the packing has not, or whose tangential force differs from that of the packing, is
+    a fault (E519).
     """
     pairs, sign = ordered(contacts["ids"])
-    force = contacts["force"] * sign
-    own, own_sign = ordered(tile.pairs)
-    key, own_key = (p[:, 0] * (1 + int(tile.id.max())) + p[:, 1] for p in (pairs, own))
-    order = np.argsort(own_key)
-    place = np.minimum(np.searchsorted(own_key, key, sorter=order), len(order) - 1)
+    own, own_sign = ordered(packing.pairs)
+    key, own_key = (p[:, 0] * (1 + int(packing.id.max())) + p[:, 1] for p in (pairs, own))
+    order = np.argsort(key)
+    place = np.minimum(np.searchsorted(key, own_key, sorter=order), len(order) - 1)
     row = order[place]
-    if (own_key[row] != key).any() or len(key) != len(own_key):
-        text = f"a run of the tile has {len(key)} contacts, the tile {len(own_key)}"
-        raise FaultError("E519", text, "the tile was not at rest: remove the last stages")
-    normal = contacts["normal"] * sign
+    if len(key) != len(own_key) or (key[row] != own_key).any():
+        text = f"a run has {len(key)} contacts, the packing {len(own_key)}"
+        raise FaultError("E519", text, "it was not at rest: remove the last stages")
+    force, normal = (contacts[name] * sign for name in ("force", "normal"))
+    force, normal = (part[row] * own_sign for part in (force, normal))
     along = (force * normal).sum(axis=1, keepdims=True)
-    tangential = force - along * normal
-    apart = np.linalg.norm(tangential - (tile.tangential * own_sign)[row], axis=1).max()
+    apart = np.linalg.norm(force - along * normal - packing.tangential, axis=1).max()
     if apart > TANGENT_ERROR * np.abs(along).mean():
-        text = f"tangential forces of a run of the tile differ by {apart:.3g} N from the tile's"
-        raise FaultError("E519", text, "the tile was not at rest: remove the last stages")
-    branch = (branches(tile) * own_sign)[row]
-    return np.einsum("ki,kj->ij", force, branch) / np.linalg.det(tile.cell), len(key)
+        text = f"tangential forces of a run differ by {apart:.3g} N from the packing's"
+        raise FaultError("E519", text, "it was not at rest: remove the last stages")
+    return Forces(force, normal, branches(packing), contacts["overlap"][row])
+
+
+def measured_stress(tile: Packing, contacts: dict[str, np.ndarray]) -> tuple[np.ndarray, int]:
+    """Return the stress (3, 3) of the contacts of a run of a tile [Pa], and their number."""
+    found = forces_of(tile, contacts)
+    stress = np.einsum("ki,kj->ij", found.force, found.branch) / np.linalg.det(tile.cell)
+    return stress, len(found.force)
 
 
 def ordered(pairs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

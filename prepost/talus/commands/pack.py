@@ -7,7 +7,8 @@ import numpy as np
 
 from talus import generate
 from talus.arguments import counting, natural, number, positive
-from talus.commands import pack_tile
+from talus.column_stamp import is_column
+from talus.commands import pack_column, pack_tile
 from talus.commands.pack_cloud import (
     axes_option,
     cloud_of,
@@ -47,6 +48,12 @@ def register(commands: argparse._SubParsersAction) -> None:
     pack_tile.register(
         sub_command(pack, "tile", pack_tile.tile, "periodic cell at rest under a stress")
     )
+    pack_column.register_column(
+        sub_command(pack, "column", pack_column.column, "bed of a tile at rest under gravity")
+    )
+    check = pack.add_parser("check-tile", help="what a tile or column is, and whether it holds")
+    pack_column.register_check(check)
+    check.set_defaults(run=pack_column.check)
     for name, text in (
         ("text2h5", "text form to packing.h5"),
         ("h52text", "packing.h5 to text form"),
@@ -149,6 +156,9 @@ def edit(options: argparse.Namespace) -> int:
     if options.renumber:
         packing = packing.renumbered(0)
     if options.repeat is not None:
+        if options.repeat[2] > 1 and is_column(options.source):
+            text = f"{options.source} is a column, which is not periodic along z"
+            raise FaultError("E538", text, "--repeat NX NY 1; a higher bed: talus pack column")
         packing = packing.repeated(tuple(options.repeat))
     if options.shift is not None:
         packing.x += np.array(options.shift)

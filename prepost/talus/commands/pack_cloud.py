@@ -145,11 +145,20 @@ def report(options: argparse.Namespace, packing: Packing, facts: dict | None = N
     facts |= {name: int((packing.kind == k).sum()) for k, name in enumerate(names)}
     facts["groups"] = {name: len(ids) for name, ids in packing.groups.items()}
     if options.json:
-        print(json.dumps(facts | further))
+        print(json.dumps(facts | plain(further)))
     else:
         parts = ", ".join(f"{facts[name]} {name}" for name in names)
         print(f"{options.output}: {packing.count} grains ({parts})")
-        for name, value in further.items():
-            values = value if isinstance(value, list) else [value]
-            print(f"{name}: {', '.join(f'{part:.4g}' for part in values)}")
+        print_facts(further)
     return 0
+
+
+def plain(facts: dict) -> dict:
+    """Return facts as JSON takes them."""
+    return {name: np.asarray(value).tolist() for name, value in facts.items()}
+
+
+def print_facts(facts: dict) -> None:
+    """Print a line a fact, numbers with four digits."""
+    for name, value in facts.items():
+        print(f"{name}: {', '.join(f'{part:.4g}' for part in np.ravel(value))}")
