@@ -1,10 +1,11 @@
 """Columns: a stack of copies of a tile, each at the stress of its depth, for beds under gravity.
 
-Each layer is a replay: talus-dem strains the tile along z alone, at edges along x and y that stay,
-until it bears the vertical stress of the layer's middle; the lateral stress is what comes, that of
-a bed at rest (K0). The layers go from the top down, each from the end of the one above: neighbours
-differ by 1e-4 to 1e-3. Stacked, with a floor of their own lowest grains and cut at the surface,
-they rest once under gravity and surcharge.
+The tile is replayed: talus-dem strains it along z alone, at edges along x and y that stay, until it
+bears the vertical stress of a border between layers; the lateral stress is what comes, that of a
+bed at rest (K0). The shear stresses on horizontal planes, which a bed has not, go by tilting the
+third edge. The borders go from the top down, each from the end of the one above: neighbours
+differ by 1e-4 to 1e-3. Each layer goes over from one border's state to the next. Stacked, with a
+floor of their own lowest grains and cut at the surface, they rest once under gravity and surcharge.
 """
 
 from collections.abc import Callable
@@ -14,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.column_measure import Profile, inner_rows, moved_places, profile_of, weight_stress
-from talus.column_stack import cut, like_tile, stack
+from talus.column_stack import blended, cut, like_tile, stack
 from talus.faults import FaultError
 from talus.files import make_folder
 from talus.packing import Packing, read_packing, write_h5
@@ -23,7 +24,7 @@ from talus.tile_stamp import Stamp, forces_of
 from talus.verification import field_steps, read_history
 
 REPLAY_INERTIA = 2.6e-3  # inertial number of the strain of a layer [-]
-LEAST_PART = 0.25  # of a whole layer's stress that the highest layer is replayed to at least
+LEAST_PART = 0.1  # of a whole layer's stress, that the highest border is replayed to at least
 STRAIGHT = 1.0e-9  # of an edge, by which a box may be slanted
 MOST_LAYERS = 1000
 SKIN = 1.0  # depth below the surface, in largest diameters, of grains that may move
@@ -61,7 +62,7 @@ class Column:
     profile: Profile
     layers: int
     floor: float  # thickness [m]
-    replayed: np.ndarray  # (layers, 3) normal stresses of the replays, lowest first [Pa]
+    replayed: np.ndarray  # (layers + 1, 3) normal stresses of the replays, lowest first [Pa]
     moved: np.ndarray  # ways of the inner grains in coming to rest, in mean diameters
 
     @property
@@ -82,15 +83,16 @@ def make_column(
         raise FaultError("E536", text, f"at most {MOST_LAYERS}, or a higher tile")
     stages = Replays(folder, stamp, bed)
     stages.begin(tile)
-    wanted = layer_stresses(tile, stamp, bed, floor, layers)
+    wanted = border_stresses(tile, stamp, bed, floor, layers)
     say(f"{layers} layers, vertical stress {wanted[-1]:.4g} to {wanted[0]:.4g} Pa")
-    replayed, normal = [], np.empty((layers, 3))
-    for k in reversed(range(layers)):
-        replayed.append(like_tile(stages.replay(k, wanted[k]), tile))
+    states, normal = [], np.empty((layers + 1, 3))
+    for k in reversed(range(layers + 1)):
+        states.insert(0, like_tile(stages.replay(k, wanted[k]), tile))
         normal[k] = stages.normal_stress()
     k0 = normal[:, :2].mean(axis=1) / normal[:, 2]
     say(f"lateral over vertical stress {k0[-1]:.3f} (top) to {k0[0]:.3f}")
-    stacked = cut(stack(replayed[::-1]), floor, bed.height)
+    between = [blended(tile, *states[k : k + 2]) for k in range(layers)]
+    stacked = cut(stack(between), floor, bed.height)
     settled = stages.settle(stacked)
     forces = forces_of(settled, stages.contacts_of(settled))
     profile = profile_of(settled, forces, tile.cell[2, 2], bed.height - stamp.mean_diameter)
@@ -121,19 +123,17 @@ def check_box(tile: Packing) -> None:
         raise FaultError("E536", "the cell of the tile is no box along x, y and z")
 
 
-def layer_stresses(
+def border_stresses(
     tile: Packing, stamp: Stamp, bed: Bed, floor: float, layers: int
 ) -> np.ndarray:  # fmt: skip
-    """Return the vertical stress of the middle of each layer, lowest first [Pa].
+    """Return the vertical stress at the borders of layers (layers + 1), lowest first [Pa].
 
-    Of the highest, the middle of what is left of it, but a quarter of a whole layer's at least.
+    The highest lies above the surface: there a tenth of a layer's weight is borne at least.
     """
     edge = tile.cell[2, 2]
     weight = stamp.solid_fraction * stamp.density * bed.gravity  # of the bed [N/m3]
-    top = floor + bed.height
-    lower = edge * np.arange(layers)
-    depth = top - 0.5 * (lower + np.minimum(lower + edge, top))
-    return bed.surcharge + weight * np.maximum(depth, LEAST_PART * edge)
+    stress = bed.surcharge + weight * (floor + bed.height - edge * np.arange(layers + 1))
+    return np.maximum(stress, LEAST_PART * weight * edge)
 
 
 class Replays:
@@ -154,10 +154,14 @@ class Replays:
         s = self.stamp
         return REPLAY_INERTIA / (s.mean_diameter * np.sqrt(s.density / stress))
 
-    def replay(self, layer: int, stress: float) -> Packing:
-        """Strain the last layer along z to a vertical stress [Pa]; then it rests."""
-        rate, name = self.rate(stress), f"layer_{layer:03d}"
-        servo = STRESS.format(component="zz", stress=float(stress), rate=rate, tolerance="1.0e-3")
+    def replay(self, border: int, stress: float) -> Packing:
+        """Strain the last state to a vertical stress [Pa] without shear stress; then it rests."""
+        rate, name = self.rate(stress), f"border_{border:03d}"
+        parts = {"zz": float(stress), "xz": 0.0, "yz": 0.0}
+        servo = "".join(
+            STRESS.format(component=name, stress=value, rate=rate, tolerance="1.0e-3")
+            for name, value in parts.items()
+        )
         still = REST.format(unbalanced="1.0e-5", energy="1.0e-9")
         time = CLOSING / rate
         self.run(f"{name}_strain", f"{self.last}_end.h5", servo + still, time)

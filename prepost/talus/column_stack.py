@@ -1,8 +1,9 @@
 """Copies of a tile on one another: places, contacts within and between layers, floor and surface.
 
-Layer k holds the grains of the tile in a state of its own, with the numbers row + N k. A contact
-over the upper face of the tile is one with the layer above; its tangential force is the mean of
-those that the two layers have.
+Layer k holds the grains of the tile with the numbers row + N k. It goes over from the state of the
+tile at its lower border to that at its upper one, linearly by height: strain, what grains have
+moved beyond it, turns and tangential forces. Two layers share the state between them, so that a
+contact over the upper face of the tile, one with the layer above, is as the tile has it there.
 """
 
 from dataclasses import dataclass
@@ -66,53 +67,69 @@ def contacts_of(layer: Packing) -> Contacts:
     return Contacts(rows[:, 0], rows[:, 1], sign * shift, sign * layer.tangential)
 
 
-def between(lower: Contacts, upper: Contacts, count: int) -> Contacts:
-    """Return the contacts of a layer with the one above: of both, forces the mean of theirs."""
-    parts = [over_face(lower), over_face(upper)]
-    keys = [pair_keys(part, count) for part in parts]
-    every, place = np.unique(np.concatenate(keys), return_inverse=True)
-    number = np.bincount(place, minlength=len(every))
-    force = np.zeros((len(every), 3))
-    np.add.at(force, place, np.concatenate([part.tangential for part in parts]))
-    first, shift = np.empty(len(every), np.int64), np.empty((len(every), 3), np.int64)
-    second = np.empty(len(every), np.int64)
-    first[place] = np.concatenate([part.first for part in parts])
-    second[place] = np.concatenate([part.second for part in parts])
-    shift[place] = np.concatenate([part.shift for part in parts])
-    return Contacts(first, second, shift, force / number[:, None])
+def blended(tile: Packing, low: Packing, high: Packing) -> Packing:
+    """Return the layer between two states of a tile, each as `like_tile` returns it.
+
+    The third edge of the cell, per height of the tile, goes linearly from that of the lower state
+    to that of the upper: at the part s of the height the layer has come by l s + (h - l) s^2/2.
+    """
+    own = by_row(tile)
+    part = (own.x[:, 2:] - own.corner[2]) / own.cell[2, 2]
+    flat = (own.x - own.corner) * [1.0, 1.0, 0.0]
+    edges = [state.cell[2] for state in (low, high)]
+    beyond = [state.x - state.corner - flat - part * state.cell[2] for state in (low, high)]
+    layer = low.take(np.arange(low.count))
+    affine = flat + edges[0] * part + 0.5 * (edges[1] - edges[0]) * part**2
+    layer.x = affine + (1.0 - part) * beyond[0] + part * beyond[1]
+    layer.corner = np.zeros(3)
+    layer.cell = np.stack([*low.cell[:2], 0.5 * (edges[0] + edges[1])])
+    sign = np.sign((low.quat * high.quat).sum(axis=1, keepdims=True))
+    quat = (1.0 - part) * low.quat + part * sign * high.quat
+    layer.quat = quat / np.linalg.norm(quat, axis=1, keepdims=True)
+    blend_contacts(layer, contacts_of(low), contacts_of(high), part[:, 0])
+    return layer
 
 
-def over_face(contacts: Contacts) -> Contacts:
-    """Return the contacts over the upper face."""
-    over = contacts.shift[:, 2] > 0
-    parts = (contacts.first, contacts.second, contacts.shift, contacts.tangential)
-    return Contacts(*(part[over] for part in parts))
+def blend_contacts(layer: Packing, low: Contacts, high: Contacts, part: np.ndarray) -> None:
+    """Give a layer the contacts of both states; forces by the height of their middles.
 
-
-def pair_keys(contacts: Contacts, count: int) -> np.ndarray:
-    """Return one number a pair and image."""
-    x, y = contacts.shift[:, 0] + 1, contacts.shift[:, 1] + 1
-    return ((contacts.first * count + contacts.second) * 3 + x) * 3 + y
+    A contact that one state has not bears nothing there.
+    """
+    both = (low, high)
+    first, second = (
+        np.concatenate([getattr(c, name) for c in both]) for name in ("first", "second")
+    )
+    shift = np.concatenate([c.shift for c in both])
+    middle = np.clip(0.5 * (part[first] + part[second] + shift[:, 2]), 0.0, 1.0)
+    weight = np.where(np.arange(len(first)) < len(low.first), 1.0 - middle, middle)
+    force = weight[:, None] * np.concatenate([c.tangential for c in both])
+    key = np.column_stack([first, second, shift])
+    every, place = np.unique(key, axis=0, return_inverse=True)
+    layer.tangential = np.zeros((len(every), 3))
+    np.add.at(layer.tangential, np.ravel(place), force)
+    layer.pairs = layer.id[every[:, :2]]
+    layer.shift = every[:, 2:]
 
 
 def stack(layers: list[Packing]) -> Packing:
-    """Stack layers (lowest first), each as `like_tile` returns it, in one cell.
+    """Stack layers (lowest first), each as `blended` returns it, in one cell.
 
     The cell is as high as all of them; ids are row + N k. Contacts over its lowest and highest face
     are left out.
     """
     count = layers[0].count
     own = [contacts_of(layer) for layer in layers]
-    heights = np.array([layer.cell[2, 2] for layer in layers])
-    base = np.append(0.0, np.cumsum(heights))
+    base = np.concatenate(
+        [np.zeros((1, 3)), np.cumsum([layer.cell[2] for layer in layers], axis=0)]
+    )
     whole = None
     for k, layer in enumerate(layers):
         copy = layer.take(np.arange(count))
-        copy.x = layer.x - layer.corner + [0.0, 0.0, base[k]]
+        copy.x = layer.x - layer.corner + base[k]
         copy.pairs, copy.tangential, copy.shift = np.empty((0, 2), int), np.empty((0, 3)), None
         copy = copy.numbered(np.arange(1, count + 1) + count * k)
         whole = copy if whole is None else whole.join(copy)
-    whole.cell = np.diag([layers[0].cell[0, 0], layers[0].cell[1, 1], base[-1]])
+    whole.cell = np.diag([layers[0].cell[0, 0], layers[0].cell[1, 1], base[-1, 2]])
     whole.corner = np.zeros(3)
     add_contacts(whole, own, count)
     return whole
@@ -127,10 +144,11 @@ def add_contacts(whole: Packing, own: list[Contacts], count: int) -> None:
         forces.append(contacts.tangential[inside])
         shifts.append(contacts.shift[inside])
         if k + 1 < len(own):
-            over = between(contacts, own[k + 1], count)
-            pairs.append(np.stack([over.first + count * k, over.second + count * (k + 1)], axis=1))
-            forces.append(over.tangential)
-            shifts.append(over.shift * [1, 1, 0])
+            over = ~inside
+            second = contacts.second + count  # in the layer above
+            pairs.append(np.stack([contacts.first, second], axis=1)[over] + count * k)
+            forces.append(contacts.tangential[over])
+            shifts.append(contacts.shift[over] * [1, 1, 0])
     whole.pairs = 1 + np.concatenate(pairs)
     whole.tangential, whole.shift = np.concatenate(forces), np.concatenate(shifts)
 

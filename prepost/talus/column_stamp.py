@@ -33,7 +33,7 @@ class ColumnStamp:
     poisson: float
     density: float
     mean_diameter: float
-    replayed: np.ndarray  # (layers, 3) normal stresses of the layers before they were stacked
+    replayed: np.ndarray  # (layers + 1, 3) normal stresses of the tile at borders of layers
     z: np.ndarray  # (n + 1) borders of slices
     stress: np.ndarray  # (n, 3, 3) of the slices, from contacts cut at the borders
     way: float  # rms of the inner grains in coming to rest, in mean diameters

@@ -123,5 +123,6 @@ def column_facts(column: Packing, stamp: ColumnStamp) -> dict[str, object]:
         "over density x depth + surcharge": vertical / even,
         "over the weight above + surcharge": vertical / balance,
         "lateral over vertical stress": stamp.stress[:, [0, 1], [0, 1]].mean(axis=1) / vertical,
-        "of the replays, by layers": stamp.replayed[:, :2].mean(axis=1) / stamp.replayed[:, 2],
+        "of the replays, at borders of layers": stamp.replayed[:, :2].mean(axis=1)
+        / stamp.replayed[:, 2],
     } | contact_facts(column, forces, weight)

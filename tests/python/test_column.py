@@ -8,9 +8,9 @@ import pytest
 
 from talus.checksum import edited
 from talus.cli import main
-from talus.column import Bed, Column, Replays, check_column, layer_stresses, make_column
+from talus.column import Bed, Column, Replays, border_stresses, check_column, make_column
 from talus.column_measure import Profile, bearing, slice_stress, weight_stress
-from talus.column_stack import cut, folded, like_tile, moved_by, stack
+from talus.column_stack import blended, cut, folded, like_tile, moved_by, stack
 from talus.column_stamp import read_column_stamp
 from talus.faults import FaultError
 from talus.images import shifts_of
@@ -139,15 +139,38 @@ def test_check_column(made: Path, capsys: pytest.CaptureFixture) -> None:
         read_column_stamp(made / "tile.h5")
 
 
-def test_layers(made: Path) -> None:
-    """Layers bear the stress of their middles, the highest that of what is left of it."""
+def test_borders(made: Path) -> None:
+    """Borders bear the weight above them and the surcharge, the highest a tenth of a layer's."""
     tile, stamp = read_h5(made / "tile.h5"), read_stamp(made / "tile.h5")
     weight = stamp.density * 9.81 * stamp.solid_fraction
     edge = tile.cell[2, 2]
-    found = layer_stresses(tile, stamp, Bed(2.25 * edge, 50.0), 0.25 * edge, 3)
-    assert found == pytest.approx(50.0 + weight * edge * np.array([2.0, 1.0, 0.25]))
-    found = layer_stresses(tile, stamp, Bed(1.76 * edge, 0.0), 0.25 * edge, 3)
-    assert found[-1] == pytest.approx(0.25 * weight * edge)
+    found = border_stresses(tile, stamp, Bed(2.25 * edge, 500.0), 0.25 * edge, 3)
+    assert found == pytest.approx(500.0 + weight * edge * np.array([2.5, 1.5, 0.5, -0.5]))
+    found = border_stresses(tile, stamp, Bed(1.76 * edge, 0.0), 0.25 * edge, 3)
+    assert found[-1] == pytest.approx(0.1 * weight * edge)
+
+
+def test_blended(made: Path) -> None:
+    """Between a tile and one strained along z, heights and forces go over linearly."""
+    tile = like_tile(read_h5(made / "tile.h5"), read_h5(made / "tile.h5"))
+    high = tile.take(np.arange(tile.count))
+    high.x, high.cell = tile.x * [1.0, 1.0, 1.02], tile.cell * [[1.0], [1.0], [1.02]]
+    high.corner = tile.corner * [1.0, 1.0, 1.02]
+    high.tangential = 3.0 * tile.tangential
+    layer = blended(tile, tile, high)
+    edge = tile.cell[2, 2]
+    part = (tile.x[:, 2] - tile.corner[2]) / edge
+    assert layer.cell[2, 2] == pytest.approx(1.01 * edge)
+    assert layer.x[:, 2] == pytest.approx(edge * (part + 0.01 * part**2), abs=1e-12)
+    assert np.allclose(layer.x[:, :2], (tile.x - tile.corner)[:, :2], atol=1e-15)
+    one, other = contact_set(tile), contact_set(layer)
+    assert one.keys() == other.keys()
+    size = {key: np.linalg.norm(one[key]) for key in one}
+    factor = [np.linalg.norm(other[key]) / size[key] for key in one if size[key] > 1e-12]
+    assert min(factor) >= 1.0 - 1e-9
+    assert max(factor) <= 3.0 + 1e-9
+    assert np.mean(factor) == pytest.approx(2.0, abs=0.1)
+    assert np.allclose(blended(tile, tile, tile).x, tile.x - tile.corner, atol=1e-15)
 
 
 def test_refused(made: Path, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
