@@ -30,6 +30,8 @@ module cpl_adaptive_scale
   private
   public :: adaptive_scale_type
 
+  real(wp), parameter :: far = 1.0e6_wp  !! [m] where no node is
+
   character(len=17), parameter :: columns(15) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'rest_steps [-]', &
@@ -126,7 +128,12 @@ contains
     if (file%exists('/adapt/base')) then
       allocate (self%o%map%base(3, size(self%roles%start) - 1), source=0.0_wp)
       call file%get_into('/adapt/base', self%o%map%base, errors)
+      if (.not. all(abs(self%o%map%base) < far)) call errors%add('I404', "'"//file%path// &
+        "': /adapt/base is no displacement", file%path//':/adapt/base', 'use an older checkpoint')
     end if
+    if (any(self%roles%part < part_none .or. self%roles%part > part_free)) &
+      call errors%add('I404', "'"//file%path//"': /adapt/part names parts that there are not", &
+                      file%path//':/adapt/part', 'use an older checkpoint')
     call file%close(errors)
   end subroutine read_parts
 

@@ -50,6 +50,7 @@ RUNS = {  # name: decks that are changed, the program that reads each
     "stages": {"deck.nml": "fem"},
     "coupled": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
     "overlap": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
+    "opened": {"deck.nml": "couple", "grains.nml": "dem"},
 }
 SHORT, LONG = 12, 1500  # changed decks of each run
 ENOUGH, LEAVE = 2.0, 20.0  # [s] until it is told to stop, then until it must have ended

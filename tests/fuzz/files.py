@@ -36,6 +36,8 @@ TARGETS = {
     "surface": ("bed", "tool.stl", 2),
     "coupled checkpoint": ("coupled_restart", "deck.x4.chk.h5", 1),
     "overlap checkpoint": ("overlap_restart", "deck.x8.chk.h5", 1),
+    "opened checkpoint": ("opened_restart", "deck.x60.chk.h5", 1),
+    "checkpoint of a bed": ("opened_restart", "grains.x60.chk.h5", 1),
     "dem fields": ("bed_restart", "deck.h5", 1),
     "fem fields": ("plastic_restart", "deck.h5", 1),
     "history": ("bed_restart", "deck_energy.csv", 1),

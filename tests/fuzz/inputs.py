@@ -9,6 +9,9 @@ from fuzzing import Run, call
 from talus import mesh as meshes
 from talus.verification import write_packing
 
+sys.path.insert(0, str(Path(__file__).parents[1] / "python"))
+import opened_column  # noqa: E402
+
 R = 1.0e-3
 QUARTZ = "&material id = 'quartz', density = 2650.0, young = 1.0e8, poisson = 0.25 /\n"
 GRAINS = f"""{QUARTZ}
@@ -214,6 +217,16 @@ def overlapping(folder: Path) -> None:
 """)
 
 
+def opened(folder: Path) -> None:
+    """Write a column of spheres that wake as a box passes."""
+    opened_column.write(folder, ", keep_behind = 4.0e-3, hold_behind = 1.0e-3")
+    deck = (folder / "coupled.nml").read_text().replace("t_end = 1.2e-4", "t_end = END")
+    (folder / "deck.nml").write_text(deck)
+    (folder / "coupled.nml").unlink()
+    grains = folder / "grains.nml"
+    grains.write_text(grains.read_text() + "&history every_time = 1.0e-5 /\n")
+
+
 def make(name: str, scratch: Path, binaries: Path) -> Run:
     """Make the inputs of a run: bed, tools, cell, elastic, ... (see below); '_restart' behind
     it: it was run to its half, and goes on from its checkpoint."""
@@ -230,8 +243,9 @@ def make(name: str, scratch: Path, binaries: Path) -> Run:
         "tools": (TOOLS, 4.0e-4, "talus-dem"),
         "coupled": ("", 4.0e-4, "talus-couple"),
         "overlap": ("", 1.6e-5, "talus-couple"),
+        "opened": ("", 1.2e-4, "talus-couple"),
     }[kind]
-    writers = {"coupled": coupled, "overlap": overlapping}
+    writers = {"coupled": coupled, "overlap": overlapping, "opened": opened}
     writers.get(kind, bed if program == "talus-dem" else cube)(folder)
     deck = folder / "deck.nml"
     text = text or deck.read_text()
