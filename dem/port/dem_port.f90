@@ -123,7 +123,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (.not. self%stale) return
     self%stale = .false.
-    if (self%renewed) then  ! what grains that woke brought along is in the list, not in the packing
+    if (self%model%system%open) then  ! what grains brought along is in the list, not in the packing
       call find_anew(self)
       return
     end if
@@ -218,7 +218,7 @@ contains
         call model%system%set_weights(ids, value)
         if (self%renewed) then
           call find_anew(self)
-        else if (model%clock%steps == 0) then
+        else if (model%clock%steps == 0 .and. .not. model%system%open) then
           call model%system%init(errors)
         end if
         if (.not. errors%any()) call model%load_surface(.true., errors)
