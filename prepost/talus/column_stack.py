@@ -72,6 +72,7 @@ def blended(tile: Packing, low: Packing, high: Packing) -> Packing:
 
     The third edge of the cell, per height of the tile, goes linearly from that of the lower state
     to that of the upper: at the part s of the height the layer has come by l s + (h - l) s^2/2.
+    Eq. D.25 of the manual.
     """
     own = by_row(tile)
     part = (own.x[:, 2:] - own.corner[2]) / own.cell[2, 2]

@@ -128,7 +128,7 @@ def draw(case: Case, found: dict[str, ColumnStamp]) -> None:
         left.plot(lateral_of(stamp) / 1e3, 1e3 * middle, "s", color=color, mfc="none",
                   label="lateral")  # fmt: skip
         vertical = np.sort(stamp.replayed[:, 2])
-        right.plot(vertical / 1e3, replayed_at(stamp, vertical), "-", color=color,
+        right.plot(vertical / 1e3, replayed_at(stamp, vertical) / vertical, "-", color=color,
                    label=f"{name}: replays of the tile")  # fmt: skip
         right.plot(stamp.stress[:, 2, 2] / 1e3, lateral_of(stamp) / stamp.stress[:, 2, 2], "o",
                    color=color, label="settled bed")  # fmt: skip

@@ -11,7 +11,7 @@ from talus.verification import Case, read_history
 
 GRAINS = "--count 400 --axes 1e-3 1e-3 1e-3 --spread 0.2 --young 2.9e9 --least-edges 6"
 STRESS, ASPECT = 100e3, (1.0, 1.0, 1.25)
-SEEDS, MAKING = (1, 2, 3, 4), (0.1, 0.3)
+SEEDS, MAKING = (1, 2), (0.1, 0.3)
 GIVEN = (80e3, 100e3, 120e3)
 
 
@@ -68,6 +68,6 @@ def draw(case: Case, before: np.ndarray, after: np.ndarray) -> None:
         )
         ax.plot(place + 0.15, after[:, k], mark, color=f"C{k}", label=f"{name} after cycles")
     ax.axhline(1.0, color="black", lw=0.8)
-    ax.set(xlabel="tile", ylabel="normal stress / wanted [-]")
+    ax.set(xlabel="tile [-]", ylabel="normal stress / wanted [-]", xticks=place)
     ax.legend(fontsize=7, ncols=2)
     case.save(fig)
