@@ -67,12 +67,12 @@ def contacts_of(layer: Packing) -> Contacts:
     return Contacts(rows[:, 0], rows[:, 1], sign * shift, sign * layer.tangential)
 
 
-def blended(tile: Packing, low: Packing, high: Packing) -> Packing:
+def blended(tile: Packing, low: Packing, high: Packing, top: float = 1.0) -> Packing:
     """Return the layer between two states of a tile, each as `like_tile` returns it.
 
     The third edge of the cell, per height of the tile, goes linearly from that of the lower state
-    to that of the upper: at the part s of the height the layer has come by l s + (h - l) s^2/2.
-    Eq. D.25 of the manual.
+    to that of the upper: at the part s of the height the layer has come by l s + (h - l) s^2/2. The
+    upper state is that of the part `top` of the height, and stays above. Eq. D.25 of the manual.
     """
     own = by_row(tile)
     part = (own.x[:, 2:] - own.corner[2]) / own.cell[2, 2]
@@ -80,28 +80,36 @@ def blended(tile: Packing, low: Packing, high: Packing) -> Packing:
     edges = [state.cell[2] for state in (low, high)]
     beyond = [state.x - state.corner - flat - part * state.cell[2] for state in (low, high)]
     layer = low.take(np.arange(low.count))
-    affine = flat + edges[0] * part + 0.5 * (edges[1] - edges[0]) * part**2
+    below = np.minimum(part, top)
+    affine = flat + edges[0] * below + 0.5 * (edges[1] - edges[0]) * below**2 / top
+    affine += edges[1] * (part - below)
+    whole = 0.5 * top * (edges[0] + edges[1]) + (1.0 - top) * edges[1]
+    part = below / top
     layer.x = affine + (1.0 - part) * beyond[0] + part * beyond[1]
     layer.corner = np.zeros(3)
-    layer.cell = np.stack([*low.cell[:2], 0.5 * (edges[0] + edges[1])])
+    layer.cell = np.stack([*low.cell[:2], whole])
     sign = np.sign((low.quat * high.quat).sum(axis=1, keepdims=True))
     quat = (1.0 - part) * low.quat + part * sign * high.quat
     layer.quat = quat / np.linalg.norm(quat, axis=1, keepdims=True)
-    blend_contacts(layer, contacts_of(low), contacts_of(high), part[:, 0])
+    height = (own.x[:, 2] - own.corner[2]) / (top * own.cell[2, 2])
+    blend_contacts(layer, contacts_of(low), contacts_of(high), height, 1.0 / top)
     return layer
 
 
-def blend_contacts(layer: Packing, low: Contacts, high: Contacts, part: np.ndarray) -> None:
+def blend_contacts(
+    layer: Packing, low: Contacts, high: Contacts, part: np.ndarray, edge: float
+) -> None:
     """Give a layer the contacts of both states; forces by the height of their middles.
 
-    A contact that one state has not bears nothing there.
+    Heights and the edge of the tile are parts of that at which the upper state is reached. A
+    contact that one state has not bears nothing there.
     """
     both = (low, high)
     first, second = (
         np.concatenate([getattr(c, name) for c in both]) for name in ("first", "second")
     )
     shift = np.concatenate([c.shift for c in both])
-    middle = np.clip(0.5 * (part[first] + part[second] + shift[:, 2]), 0.0, 1.0)
+    middle = np.clip(0.5 * (part[first] + part[second] + shift[:, 2] * edge), 0.0, 1.0)
     weight = np.where(np.arange(len(first)) < len(low.first), 1.0 - middle, middle)
     force = weight[:, None] * np.concatenate([c.tangential for c in both])
     key = np.column_stack([first, second, shift])

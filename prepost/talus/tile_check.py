@@ -117,7 +117,7 @@ def column_facts(column: Packing, stamp: ColumnStamp) -> dict[str, object]:
         "layers": stamp.layers,
         "grains of the tile": stamp.rows,
         "bearing grains": len(inner),
-        "moved in coming to rest [d]": stamp.way,
+        "95 of 100 inner grains moved less than [d]": stamp.way,
         "slices, middle [m]": middle,
         "vertical stress [Pa]": vertical,
         "over density x depth + surcharge": vertical / even,

@@ -140,14 +140,16 @@ def test_check_column(made: Path, capsys: pytest.CaptureFixture) -> None:
 
 
 def test_borders(made: Path) -> None:
-    """Borders bear the weight above them and the surcharge, the highest a tenth of a layer's."""
+    """Borders bear the weight above them and the surcharge, the surface something at least."""
     tile, stamp = read_h5(made / "tile.h5"), read_stamp(made / "tile.h5")
     weight = stamp.density * 9.81 * stamp.solid_fraction
     edge = tile.cell[2, 2]
     found = border_stresses(tile, stamp, Bed(2.25 * edge, 500.0), 0.25 * edge, 3)
-    assert found == pytest.approx(500.0 + weight * edge * np.array([2.5, 1.5, 0.5, -0.5]))
+    assert found == pytest.approx(500.0 + weight * edge * np.array([2.5, 1.5, 0.5, 0.0]))
     found = border_stresses(tile, stamp, Bed(1.76 * edge, 0.0), 0.25 * edge, 3)
-    assert found[-1] == pytest.approx(0.1 * weight * edge)
+    assert found[-2:] == pytest.approx(weight * edge * np.array([0.01, 0.005]))
+    found = border_stresses(tile, stamp, Bed(2.5 * edge, 0.0), 0.25 * edge, 3)
+    assert found[-2:] == pytest.approx(weight * edge * np.array([0.75, 0.1]))
 
 
 def test_blended(made: Path) -> None:
@@ -170,6 +172,14 @@ def test_blended(made: Path) -> None:
     assert min(factor) >= 1.0 - 1e-9
     assert max(factor) <= 3.0 + 1e-9
     assert np.mean(factor) == pytest.approx(2.0, abs=0.1)
+    half = blended(tile, tile, high, 0.5)
+    up = np.maximum(part - 0.5, 0.0)
+    wanted = part + 0.02 * (np.minimum(part, 0.5) ** 2 + up)
+    assert half.x[:, 2] == pytest.approx(edge * wanted, abs=1e-12)
+    assert half.cell[2, 2] == pytest.approx(1.015 * edge)
+    other = contact_set(half)
+    high_up = [np.linalg.norm(other[key]) / size[key] for key in one if size[key] > 1e-12]
+    assert max(high_up) == pytest.approx(3.0)
     assert np.allclose(blended(tile, tile, tile).x, tile.x - tile.corner, atol=1e-15)
 
 
@@ -198,7 +208,7 @@ def test_bad_columns_are_told(made: Path) -> None:
     good = Column(column, profile, 3, 0.004, stamp.replayed, np.full(9, 1e-3))
     check_column(good, tile, bed)
     far = Column(column, profile, 3, 0.004, stamp.replayed, np.full(9, 0.02))
-    with pytest.raises(FaultError, match="E537.*moved 0.02"):
+    with pytest.raises(FaultError, match="E537.*moved 0.02 mean"):
         check_column(far, tile, bed)
     with pytest.raises(FaultError, match="E537.*off the weight"):
         check_column(good, tile, Bed(HEIGHT, 2.0 * SURCHARGE))
