@@ -1022,7 +1022,7 @@ contains
 
   subroutine group_fluid(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('fluid', 4, 'A liquid that fills pores.', repeats=.true.)
+    call table%add_group('fluid', 5, 'A liquid that fills pores.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name of the liquid.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Density, which gravity acts on.')
@@ -1038,6 +1038,13 @@ contains
     call table%preset('2200000000.0')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('air', 'real', '', &
+      'Share of entrapped air in the pores, in bubbles that move with the liquid: 1/K_f' &
+      //' = (1 - air)/bulk_modulus + air/101325 Pa. One per cent makes water two hundred ' &
+      //'times as compressible.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
   end subroutine group_fluid
 
   subroutine group_pore(table)

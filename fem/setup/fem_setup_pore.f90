@@ -20,6 +20,8 @@ module fem_setup_pore
   character(len=*), parameter :: groups(7) = [character(len=14) :: 'pore_pressure', 'flux', &
     'well', 'leak', 'seepage', 'submerged', 'water_table']
 
+  real(wp), parameter :: atmosphere = 101325.0_wp  !! of air at constant temperature [Pa]
+
 contains
 
   !> Solids with a liquid, their elements, and the density of both; faults D443 to D446 and D449.
@@ -105,7 +107,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: permeability(:)
     character(len=:), allocatable :: name
-    real(wp) :: viscosity, bulk, solid
+    real(wp) :: viscosity, bulk, air, solid
     integer(i4) :: f
 
     call deck%get('pore', k, 'fluid', name)
@@ -118,6 +120,7 @@ contains
     call deck%get('fluid', f, 'density', skeleton%density)
     call deck%get('fluid', f, 'viscosity', viscosity)
     call deck%get('fluid', f, 'bulk_modulus', bulk)
+    call deck%get('fluid', f, 'air', air)
     call deck%get('pore', k, 'porosity', skeleton%porosity)
     call deck%get('pore', k, 'biot', skeleton%biot)
     call deck%get('pore', k, 'solid_bulk', solid)
@@ -137,7 +140,9 @@ contains
     if (errors%any()) return
     skeleton%mobility = permeability(1)/viscosity
     if (size(permeability) == 3) skeleton%mobility = permeability/viscosity
-    if (bulk > 0.0_wp) skeleton%storage = skeleton%porosity/bulk
+    skeleton%storage = skeleton%porosity*air/atmosphere
+    if (bulk > 0.0_wp) skeleton%storage = skeleton%storage &
+      + skeleton%porosity*(1.0_wp - air)/bulk
     if (solid > 0.0_wp) skeleton%storage = skeleton%storage &
       + (skeleton%biot - skeleton%porosity)/solid
   end subroutine read_skeleton
@@ -222,6 +227,7 @@ contains
     integer(i4) :: k, c
 
     if (.not. body%pore%active) return
+    if (allocated(body%loads%follower)) body%pore%constant = .false.
     do c = 2, 3  ! a block has three components, p is one
       call body%supports%hold(c, [(k, k=body%dofs%solid + 1, body%dofs%blocks)])
     end do

@@ -172,11 +172,17 @@ def judge_sealed(case: Case) -> None:
     off = []
     for k, (bulk, porosity, skempton) in enumerate(SKEMPTON):
         write_deck(case, "sealed.nml", f"sealed_{k}",
-                   {"YOUNG": 1.5 * bulk, "POROSITY": porosity})  # fmt: skip
+                   {"YOUNG": 1.5 * bulk, "POROSITY": porosity, "AIR": 0.0})  # fmt: skip
         case.run("talus-fem", f"sealed_{k}.nml")
         last = field_steps(case.folder / f"sealed_{k}.h5")[-1].solid["pore_pressure"]
         off.append(np.abs(last / 1e5 / skempton - 1).max())
     case.below("sealed cube: Skempton's B, error", max_of(off), 1e-10)
+    write_deck(case, "sealed.nml", "sealed_air", {"YOUNG": 1.5e7, "POROSITY": 0.36, "AIR": 0.01})
+    case.run("talus-fem", "sealed_air.nml")
+    last = field_steps(case.folder / "sealed_air.h5")[-1].solid["pore_pressure"]
+    skempton = 1 / (1 + 0.36 * 1.0e7 * (0.99 / 2.2e9 + 0.01 / 101325.0))
+    off = float(np.abs(last / 1e5 / skempton - 1).max())
+    case.below("sealed cube with 1 % of air: Skempton's B, error", off, 1e-10)
 
 
 def judge_restart(case: Case) -> None:
