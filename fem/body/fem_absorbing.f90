@@ -21,14 +21,16 @@ module fem_absorbing
 contains
 
   !> Add the dashpots of the facets of a group to the nodes, whose shares are int N^2 scaled to the
-  !! area, so that none is negative. `lost` is a facet whose element is missing, else 0.
-  subroutine absorb(mesh, dofs, elastic, group, damping, lost)
+  !! area, so that none is negative. `lost` is a facet whose element is missing, else 0. The waves
+  !! of a saturated solid are undrained.
+  subroutine absorb(mesh, dofs, elastic, group, damping, lost, liquid)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_group_type), intent(in) :: group
     type(fem_damping_type), intent(inout) :: damping
     integer(i4), intent(out) :: lost
+    real(wp), intent(in), optional :: liquid(:)  !! (elements) modulus that pore liquid adds [Pa]
     real(wp) :: c(3, 3, most_facet_nodes), press, shear, spin(2)
     integer(i4) :: f, m, e, kind
 
@@ -40,6 +42,7 @@ contains
       if (e == 0) return
       associate (k => elastic%moduli(:, e), rho => elastic%density(e))
         press = sqrt(rho*(k(1) + 2.0_wp*k(2) + k(3)))
+        if (present(liquid)) press = sqrt(press**2 + rho*liquid(e))
         shear = sqrt(rho*(k(2) + 0.5_wp*k(3)))
         spin = sqrt(rho*elastic%inertia(e)*[k(4) + k(5) + k(6), k(6)])
       end associate

@@ -81,6 +81,7 @@ module fem_pore
   contains
     procedure :: prepare
     procedure :: prepare_start
+    procedure :: undrained
     procedure :: impose
     procedure :: begin
     procedure :: take_step
@@ -119,6 +120,22 @@ contains
     self%books%rate = self%books%entered
     self%accepted_books = self%books
   end subroutine prepare
+
+  !> Modulus that the liquid adds where it cannot flow, alpha^2/S; 0 where there is none [Pa].
+  pure function undrained(self, elements) result(modulus)
+    class(fem_pore_type), intent(in) :: self
+    integer(i4), intent(in) :: elements
+    real(wp) :: modulus(elements)
+    integer(i4) :: e
+    modulus = 0.0_wp
+    if (.not. self%active) return
+    do e = 1, elements
+      if (self%skeleton_of(e) == 0) cycle
+      associate (s => self%skeleton(self%skeleton_of(e)))
+        modulus(e) = s%biot**2/max(s%storage, tiny(1.0_wp))
+      end associate
+    end do
+  end function undrained
 
   !> Contents count from this state.
   subroutine prepare_start(self, u)

@@ -52,7 +52,8 @@ contains
                         'solid', 'absorbing', s, 'group', 'put a solid without layers there')
         cycle
       end if
-      call absorb(body%mesh, body%dofs, body%elastic, body%mesh%group(g), body%damping, lost)
+      call absorb(body%mesh, body%dofs, body%elastic, body%mesh%group(g), body%damping, lost, &
+                  body%pore%undrained(body%mesh%elements))
       if (lost > 0) call deck%fault(errors, 'D326', 'the element of facet '//str(lost)//" of '"// &
         name//"' is not in the mesh file", 'absorbing', s, 'group', &
         "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")

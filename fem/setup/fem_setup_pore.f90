@@ -52,6 +52,7 @@ contains
       where (body%matter%law_of == m) body%pore%skeleton_of = k
     end do
     call refuse_elements(deck, body, errors)
+    if (deck%count('absorbing') > 0) call refuse_absorbing(deck, body, errors)
     if (errors%any()) return
     do k = 1, body%mesh%elements
       if (body%pore%skeleton_of(k) == 0) cycle
@@ -81,9 +82,6 @@ contains
         'kind', "take kind = 'static', consolidation in time, or 'newmark' or 'hht'")
       return
     end if
-    if (deck%count('absorbing') > 0) call deck%fault(errors, 'D446', &
-      'absorbing faces do not know the waves of a saturated solid', 'absorbing', 1, '', &
-      'leave the faces or &pore out')
     call deck%get('analysis', 1, 'continuation', text)
     if (text /= 'load') call deck%fault(errors, 'D446', &
       'a path by arc length has no times, consolidation needs them', 'analysis', 1, &
@@ -205,6 +203,28 @@ contains
       return
     end do
   end subroutine refuse_elements
+
+  !> Fault D446 for absorbing faces of a liquid without waves, and of quadratic elements: dashpots
+  !! that stand at nodes bend their faces, which have little but shear against it.
+  subroutine refuse_absorbing(deck, body, errors)
+    type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: e
+    if (.not. minval(body%pore%skeleton%storage) > 0.0_wp) call deck%fault(errors, 'D446', &
+      'waves in an incompressible liquid have no speed that faces could absorb', 'absorbing', 1, &
+      '', 'give the &fluid a bulk_modulus')
+    do e = 1, body%mesh%elements
+      if (body%pore%skeleton_of(e) == 0) cycle
+      associate (rule => body%elastic%rule(body%elastic%rule_of(e)))
+        if (rule%corners == rule%nodes) cycle
+        call deck%fault(errors, 'D446', 'absorbing faces do not serve saturated elements '// &
+          trim(rule%name)//', as element '//str(e), 'absorbing', 1, '', &
+          'take hex8_bbar or tet4 in a body with absorbing faces')
+      end associate
+      return
+    end do
+  end subroutine refuse_absorbing
 
   !> Number the pressures, once the other fields are.
   subroutine number_wet(body)

@@ -90,6 +90,27 @@ def judge_column(case: Case, kind: str, ax: object) -> None:
     ax.legend()
 
 
+def judge_half_space(case: Case) -> None:
+    """Judge the top of a half space under a pulse: its impulse over the undrained impedance."""
+    mesh = meshes.box(np.zeros(3), np.array([0.5, 0.5, 10.0]), (1, 1, 100))
+    meshes.write_mesh(case.folder / "half.h5", mesh)
+    times = np.linspace(0.0, 4e-3, 81)
+    pulse = np.sin(np.pi * times / 4e-3) ** 2
+    text = (case.folder / "half_space.nml").read_text()
+    text = text.replace("TIMES", listed(times)).replace("VALUES", listed(pulse))
+    (case.folder / "half_space.nml").write_text(text)
+    case.run("talus-fem", "half_space.nml")
+    density, modulus = 1990.0, 1.0e8 * CONFINED + 2.0e9 / 0.4
+    impulse = 1.0e4 * np.r_[0.0, np.cumsum((pulse[1:] + pulse[:-1]) / 2 * np.diff(times))]
+    z = mesh.x[:, 2]
+    highest, off = np.isclose(z, z.max()), []
+    for step in field_steps(case.folder / "half_space.h5"):
+        top = step.solid["u"][highest, 2].mean()
+        off.append(abs(top + np.interp(step.time, times, impulse) / np.sqrt(density * modulus)))
+    scale = impulse[-1] / np.sqrt(density * modulus)
+    case.below("half space: top, error / final", float(max_of(off) / scale), 0.01)
+
+
 def judge_restart(case: Case) -> None:
     """Judge a run of 40 steps that goes on from its middle against the whole one."""
     text = (case.folder / "newmark.nml").read_text()
@@ -145,5 +166,6 @@ def run(case: Case) -> None:
     judge_column(case, "'newmark'", ax)
     judge_column(case, "'hht', alpha = -0.05", None)
     judge_restart(case)
+    judge_half_space(case)
     judge_harmonic(case, bx)
     case.save(fig)
