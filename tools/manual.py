@@ -39,6 +39,7 @@ ORDER = [
 ORDER += [
     "element-tests",
     "pore-fluid",
+    "moving-beds",
     "measures",
     "prepost",
     "theory-dem",
