@@ -13,6 +13,7 @@ module fem_law_registry
   use fem_law_polar_drucker, only: fem_law_polar_drucker_type
   use fem_law_polar_pressure, only: fem_law_polar_pressure_type
   use fem_law_pressure, only: fem_law_pressure_type
+  use fem_law_sanisand, only: fem_law_sanisand_type
   implicit none
   private
   public :: make_law, all_laws
@@ -34,6 +35,7 @@ contains
     call append(list, fem_law_kirchhoff_type())
     call append(list, fem_law_polar_drucker_type())
     call append(list, fem_law_polar_pressure_type())
+    call append(list, fem_law_sanisand_type())
     do k = 1, int(size(list), i4)
       call list(k)%law%define()
     end do

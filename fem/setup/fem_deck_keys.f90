@@ -145,7 +145,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 40, 'A material.', repeats=.true.)
+    call table%add_group('material', 59, 'A material.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -166,7 +166,12 @@ contains
     call table%magnitude(0.0_wp, 1.0_wp)
     call table%need_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
-      //'chhoff|cam_clay')
+      //'chhoff|cam_clay|sanisand')
+    call group_material_2(table)
+  end subroutine group_material
+
+  subroutine group_material_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('law', 'string', '', &
       '`linear_elastic`: isotropic elasticity at small strains, of `young` and ' &
       //'`poisson`; `micropolar`: Eringen''s solid with micro-rotations, either of ' &
@@ -183,17 +188,19 @@ contains
       //'`cohesion`, `friction_deg`, `dilation_deg` and `plastic_length`; ' &
       //'`micropolar_pressure`: elasticity of the constants of `micropolar` at ' &
       //'`reference_pressure`, all moduli of which grow with ' &
-      //'(p/reference_pressure)^exponent. The last four, soils and `pressure_elastic` are' &
-      //' laws with a state, which `modal` and `relaxation` do not support.')
+      //'(p/reference_pressure)^exponent; `sanisand`: the critical-state sand of Dafalias' &
+      //' and Manzari of `stiffness_number`, `poisson`, `critical_slope`, ' &
+      //'`extension_ratio`, `critical_void_ratio`, `critical_line_slope`, ' &
+      //'`plastic_hardening`, `hardening_void`, `bounding_rate`, `dilatancy`, ' &
+      //'`dilatancy_rate`, `fabric_limit`, `fabric_rate` and its density. Solids of ' &
+      //'finite strain, `micropolar_drucker_prager`, `micropolar_pressure`, soils and ' &
+      //'`pressure_elastic` are laws with a state, which `modal` and `relaxation` do not ' &
+      //'support.')
     call table%preset('linear_elastic')
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
-      //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure')
-    call group_material_2(table)
-  end subroutine group_material
-
-  subroutine group_material_2(table)
-    type(key_table_type), intent(inout) :: table
+      //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure|sanisan' &
+      //'d')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%magnitude(0.0_wp, 1e+36_wp)
@@ -207,6 +214,11 @@ contains
       //'material.')
     call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
+    call group_material_3(table)
+  end subroutine group_material_2
+
+  subroutine group_material_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('alpha', 'real', 'N', &
       'Eringen''s alpha; with 3 alpha + beta + gamma >= 0.')
     call table%magnitude(0.0_wp, 1e+24_wp)
@@ -236,11 +248,6 @@ contains
       'Coupling number N in [0, 1); N^2 = kappa/(2 (mu + kappa)).')
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'micropolar|micropolar_drucker_prager|micropolar_pressure')
-    call group_material_3(table)
-  end subroutine group_material_2
-
-  subroutine group_material_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('polar_ratio', 'real', '', &
       'Polar ratio Psi in (0, 3/2]; Psi = (beta + gamma)/(alpha + beta + gamma).')
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
@@ -252,6 +259,11 @@ contains
     call table%magnitude(1e-24_wp, 100000000000000.0_wp)
     call table%only_with('law', &
       'micropolar|micropolar_drucker_prager|micropolar_pressure|layered')
+    call group_material_4(table)
+  end subroutine group_material_3
+
+  subroutine group_material_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('layer_thickness', 'real', 'm', 'Thickness of a layer of `layered`.')
     call table%need()
     call table%bounds(above=0.0_wp)
@@ -282,11 +294,6 @@ contains
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('law', 'layered')
-    call group_material_4(table)
-  end subroutine group_material_3
-
-  subroutine group_material_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('layer_moduli', 'string', '', &
       'Moduli of `layered` in the plane of its layers: `isotropic` there, with the ' &
       //'twist of the layers as plates and layers and joints in series; `published`, ' &
@@ -295,6 +302,11 @@ contains
     call table%preset('isotropic')
     call table%allow('isotropic|published')
     call table%only_with('law', 'layered')
+    call group_material_5(table)
+  end subroutine group_material_4
+
+  subroutine group_material_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('exponent', 'real', '', &
       'Exponent n of `pressure_elastic`, E = young (p/reference_pressure)^n, and of ' &
       //'`micropolar_pressure`, where it is below 1.')
@@ -326,11 +338,6 @@ contains
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%magnitude(0.0_wp, 90.0_wp)
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
-    call group_material_5(table)
-  end subroutine group_material_4
-
-  subroutine group_material_5(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation of `drucker_prager`, 0 if left out, not above that of ' &
       //'friction: plastic flow would give energy. Below zero where shear compacts, as in' &
@@ -344,6 +351,11 @@ contains
       //'left out.')
     call table%allow('compression|extension|plane_strain')
     call table%only_with('law', 'drucker_prager|micropolar_drucker_prager')
+    call group_material_6(table)
+  end subroutine group_material_5
+
+  subroutine group_material_6(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('hardening', 'real', 'Pa', &
       'Slope H of the cohesion of `drucker_prager`, c = cohesion + H Z, dZ = A_psi ' &
       //'dgamma; negative softens.')
@@ -370,16 +382,12 @@ contains
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('critical_slope', 'real', '', &
-      'Slope M = q/p of the critical state line of `cam_clay`.')
+      'Slope M = q/p of the critical state line of `cam_clay`, and of `sanisand` in ' &
+      //'triaxial compression.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
-    call table%only_with('law', 'cam_clay')
-    call group_material_6(table)
-  end subroutine group_material_5
-
-  subroutine group_material_6(table)
-    type(key_table_type), intent(inout) :: table
+    call table%only_with('law', 'cam_clay|sanisand')
     call table%add_key('compression_index', 'real', '', &
       'Slope lambda of the virgin line of `cam_clay`, v over ln p; above ' &
       //'`swelling_index`.')
@@ -387,6 +395,11 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
+    call group_material_7(table)
+  end subroutine group_material_6
+
+  subroutine group_material_7(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('swelling_index', 'real', '', &
       'Slope kappa of the swelling lines of `cam_clay`, v over ln p.')
     call table%need()
@@ -411,7 +424,136 @@ contains
     call table%bounds(min=1.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'cam_clay')
-  end subroutine group_material_6
+    call table%add_key('stiffness_number', 'real', '', &
+      'G0 of `sanisand`: G = G0 p_at (2.97 - e)^2/(1 + e) (p/p_at)^(1/2).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('extension_ratio', 'real', '', &
+      'c of `sanisand`: slope of the critical state line in triaxial extension over ' &
+      //'that in compression.')
+    call table%need()
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('critical_void_ratio', 'real', '', &
+      'e0 of `sanisand`: void ratio of the critical state at no pressure, e_c = e0 - ' &
+      //'lambda_c (p/p_at)^xi.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call group_material_8(table)
+  end subroutine group_material_7
+
+  subroutine group_material_8(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('critical_line_slope', 'real', '', 'lambda_c of `sanisand`.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('critical_line_exponent', 'real', '', 'xi of `sanisand`.')
+    call table%preset('0.7')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('yield_opening', 'real', '', &
+      'm of `sanisand`: opening q/p of the yield surface about its axis.')
+    call table%preset('0.01')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('plastic_hardening', 'real', '', &
+      'h0 of `sanisand`: plastic modulus, with G0 h0 (1 - c_h e) (p/p_at)^(-1/2).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('hardening_void', 'real', '', &
+      'c_h of `sanisand`: how hardening falls with the void ratio; below 1/e.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('bounding_rate', 'real', '', &
+      'n^b of `sanisand`: the bounding stress ratio is M exp(-n^b psi), psi = e - e_c.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('dilatancy', 'real', '', &
+      'A0 of `sanisand`: dilatancy over the distance from the dilatancy surface.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call group_material_9(table)
+  end subroutine group_material_8
+
+  subroutine group_material_9(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('dilatancy_rate', 'real', '', &
+      'n^d of `sanisand`: the stress ratio of no dilatancy is M exp(n^d psi).')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('fabric_limit', 'real', '', &
+      'z_max of `sanisand`: largest fabric dilatancy; 0 for none.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('fabric_rate', 'real', '', &
+      'c_z of `sanisand`: rate of the fabric dilatancy in dilation.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('atmospheric_pressure', 'real', 'Pa', &
+      'p_at of `sanisand`, to which its constants refer.')
+    call table%preset('101000.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('residual_pressure', 'real', 'Pa', &
+      'p_r of `sanisand`: the law sees the stress with this pressure added; 0.005 of ' &
+      //'`atmospheric_pressure` if left out.')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%only_with('law', 'sanisand')
+    call table%add_key('void_ratio', 'real', '', &
+      'Void ratio e of `sanisand` at the start; or give `relative_density`.')
+    call table%bounds(above=0.0_wp, below=2.97_wp)
+    call table%magnitude(1e-20_wp, 2.97_wp)
+    call table%only_with('law', 'sanisand')
+    call table%excludes('relative_density')
+    call table%add_key('relative_density', 'real', '', &
+      '(e_max - e)/(e_max - e_min) of `sanisand` at the start.')
+    call table%bounds(min=0.0_wp, max=1.2_wp)
+    call table%magnitude(0.0_wp, 1.2_wp)
+    call table%only_with('law', 'sanisand')
+    call table%needs('void_ratio_max|void_ratio_min')
+    call group_material_10(table)
+  end subroutine group_material_9
+
+  subroutine group_material_10(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('void_ratio_max', 'real', '', &
+      'e_max of `sanisand`, for `relative_density`.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%needs('relative_density')
+    call table%add_key('void_ratio_min', 'real', '', &
+      'e_min of `sanisand`, for `relative_density`.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('law', 'sanisand')
+    call table%needs('relative_density')
+  end subroutine group_material_10
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table
