@@ -1,7 +1,7 @@
-!> `sanisand`: sand with a critical state, bounding and dilatancy surfaces and a fabric (Dafalias and
-!! Manzari 2004); one set of constants serves all densities and pressures. Equations in fem_sanisand,
-!! sub-steps in fem_sanisand_path; here constants, start, and the tangent of an increment by
-!! differences in the same sub-steps.
+!> `sanisand`: sand with a critical state, bounding and dilatancy surfaces and a fabric (Dafalias
+!! and Manzari 2004); one set of constants serves all densities and pressures. Equations in
+!! fem_sanisand, sub-steps in fem_sanisand_path; here constants, start, and the tangent of an
+!! increment by differences in the same sub-steps.
 !! eq. F.41, F.42, F.43
 module fem_law_sanisand
   use talus_kinds, only: wp, i4

@@ -1,6 +1,6 @@
-!> Equations of `sanisand`, the critical-state sand of Dafalias and Manzari (2004): constants, elastic
-!! path, yield surface, flow and rates (theory-fem, Sand with a critical state). Compression positive,
-!! six components with tensor shears; the pressure holds the residual one already.
+!> Equations of `sanisand`, the critical-state sand of Dafalias and Manzari (2004): constants,
+!! elastic path, yield surface, flow and rates (theory-fem, Laws with a state). Compression
+!! positive, six components with tensor shears; the pressure holds the residual one already.
 !! eq. F.41, F.42
 module fem_sanisand
   use talus_kinds, only: wp, i4
@@ -51,6 +51,7 @@ module fem_sanisand
     real(wp) :: along             !! n:r
     real(wp) :: to_bound(6)       !! alpha^b - alpha
     real(wp) :: flow(6)           !! deviator of R
+    real(wp) :: spread            !! largest slope of the flow's deviator by n
     real(wp) :: dilation          !! D
     real(wp) :: softness          !! 1/h [-]
     real(wp) :: resistance        !! K_p/h + (1/h) (2G (B - C tr n^3) - K D n:r) [Pa]
@@ -164,6 +165,7 @@ contains
       skew = (1.0_wp - sand%extension)/sand%extension*g
       b = 1.0_wp + 1.5_wp*skew*cosine
       c = 3.0_wp*sqrt(1.5_wp)*skew
+      flow%spread = abs(b) + c*2.0_wp/sqrt(6.0_wp)
       square = squared(flow%n)
       flow%flow = b*flow%n - c*(square - unit/3.0_wp)
       flow%to_bound = bounding(sand, g, psi)*flow%n - alpha
@@ -180,11 +182,12 @@ contains
   end function flow_at
 
   !> Rates of a point for a rate of strain; `drive` is the numerator of the loading index, elastic
-  !! where it is negative. 1/h and L h are finite where a loading begins, h is not.
-  pure subroutine rates(sand, strain, y, start, rate, drive)
+  !! where it is negative. 1/h and L h are finite where a loading begins, h is not. `fast` is the
+  !! rate at which n turns into the direction of the strain, as fast as the surface is narrow.
+  pure subroutine rates(sand, strain, y, start, rate, drive, fast)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(6), y(sand_size), start(6)
-    real(wp), intent(out) :: rate(sand_size), drive
+    real(wp), intent(out) :: rate(sand_size), drive, fast
     type(sand_flow_type) :: flow
     real(wp) :: v, hard, index
     flow = flow_at(sand, y, start)
@@ -192,6 +195,9 @@ contains
     drive = 2.0_wp*flow%shear*sum(twice*flow%n*strain) - flow%bulk*flow%along*v
     hard = max(drive, 0.0_wp)/flow%resistance
     index = hard*flow%softness
+    fast = (2.0_wp*flow%shear*index*flow%spread/flow%p &
+            + 2.0_wp/3.0_wp*hard*magnitude(flow%to_bound + y(at_alpha:at_alpha + 5))) &
+      /(root_2_3*sand%opening)
     rate(:6) = 2.0_wp*flow%shear*(strain - v/3.0_wp*unit - index*flow%flow) &
       + flow%bulk*(v - index*flow%dilation)*unit
     rate(at_alpha:at_alpha + 5) = 2.0_wp/3.0_wp*hard*flow%to_bound

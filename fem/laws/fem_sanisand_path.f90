@@ -1,6 +1,6 @@
 !> An increment of strain of `sanisand`: elastic part up to the yield surface (Pegasus), then
-!! Dormand and Prince's pair in sub-steps of 1/2, 1/4, ... of what is left, chosen by their error. The
-!! sub-steps are recorded, so that a neighbouring increment can be followed in the same ones and
+!! Dormand and Prince's pair in sub-steps of 1/2, 1/4, ... of what is left, chosen by their error.
+!! The sub-steps are recorded, so that a neighbouring increment can be followed in the same ones and
 !! differences are those of a smooth function.
 !! eq. F.43
 module fem_sanisand_path
@@ -20,6 +20,7 @@ module fem_sanisand_path
   real(wp), parameter :: accuracy = 1.0e-7_wp       !! of a sub-step, relative
   real(wp), parameter :: easy = 1.0_wp/64.0_wp      !! error over its limit, for twice the sub-step
   real(wp), parameter :: smallest = 0.5_wp**16      !! sub-step
+  real(wp), parameter :: stable = 2.5_wp            !! sub-step times its fastest rate
   real(wp), parameter :: on_surface = 1.0e-9_wp     !! of the yield ratio
   real(wp), parameter :: found = 1.0e-15_wp         !! of the crossing
   real(wp), parameter :: nudge = 1.0e-6_wp          !! of an increment that grazes the surface
@@ -39,8 +40,10 @@ module fem_sanisand_path
 
   !> Sub-steps of an increment, each over what is left when its round began.
   type :: sand_record_type
-    logical :: known = .false.  !! follow them, do not choose
+    logical :: known = .false.    !! follow them, do not choose
+    logical :: lost = .false.     !! no sub-step is small enough
     integer(i4) :: count = 0
+    integer(i4) :: next = 1
     real(wp) :: size_of(most_steps)
   end type sand_record_type
 
@@ -57,19 +60,20 @@ contains
     logical, intent(out) :: good
     real(wp) :: left(6), share
     logical :: held
-    integer(i4) :: k, next
+    integer(i4) :: k
 
     flag = flag_elastic
     left = strain
-    good = .true.
-    next = 1
+    record%next = 1
+    record%lost = .false.
     do k = 1, most_rounds
       if (loads(sand, left, y, start)) then
         flag = flag_yielding
-        call yielding_part(sand, left, y, start, record, next, share, held, good)
+        call yielding_part(sand, left, y, start, record, share, held)
       else
         call elastic_part(sand, left, y, share, held)
       end if
+      good = .not. record%lost
       if (.not. good) return
       left = (1.0_wp - share)*left
       if (held) call hold(sand, left, y)
@@ -83,10 +87,10 @@ contains
   pure logical function loads(sand, strain, y, start)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(6), y(sand_size), start(6)
-    real(wp) :: rate(sand_size), drive
+    real(wp) :: rate(sand_size), drive, fast
     loads = yield_ratio(sand, y) > -on_surface
     if (.not. loads) return
-    call rates(sand, strain, y, start, rate, drive)
+    call rates(sand, strain, y, start, rate, drive, fast)
     loads = drive > 0.0_wp
   end function loads
 
@@ -112,7 +116,7 @@ contains
       held = .false.
       far = share
       low = 0.0_wp
-      if (yield_ratio(sand, y) > -on_surface) low = min(far, nearest(sand, strain, y))
+      if (yield_ratio(sand, y) > -on_surface) low = min(far, closest_share(sand, strain, y))
       call cross(sand, strain, y, low, far, share)
       call elastic_path(sand, share*strain, y, there, fall)
     end if
@@ -120,15 +124,15 @@ contains
   end subroutine elastic_part
 
   !> Share of an elastic increment at which the stress is nearest to the axis of the yield surface.
-  pure real(wp) function nearest(sand, strain, y)
+  pure real(wp) function closest_share(sand, strain, y)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(6), y(sand_size)
     real(wp) :: there(sand_size), fall, from(6), to(6)
     call elastic_path(sand, nudge*strain, y, there, fall)
     from = y(:6) - trace(y(:6))/3.0_wp*(unit + y(at_alpha:at_alpha + 5))
     to = (there(:6) - trace(there(:6))/3.0_wp*(unit + y(at_alpha:at_alpha + 5)) - from)/nudge
-    nearest = max(nudge, -sum(twice*from*to)/max(sum(twice*to*to), tiny(1.0_wp)))
-  end function nearest
+    closest_share = max(nudge, -sum(twice*from*to)/max(sum(twice*to*to), tiny(1.0_wp)))
+  end function closest_share
 
   !> Share at which an elastic increment meets the yield surface between two (Pegasus).
   pure subroutine cross(sand, strain, y, low, far, share)
@@ -166,39 +170,37 @@ contains
   end subroutine cross
 
   !> Sub-steps on the yield surface, as long as the strain leads out of it.
-  pure subroutine yielding_part(sand, strain, y, start, record, next, share, held, good)
+  pure subroutine yielding_part(sand, strain, y, start, record, share, held)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(6)
     real(wp), intent(inout) :: y(sand_size), start(6)
     type(sand_record_type), intent(inout) :: record
-    integer(i4), intent(inout) :: next
     real(wp), intent(out) :: share
-    logical, intent(out) :: held, good
+    logical, intent(out) :: held
     real(wp) :: step, fault, there(sand_size)
     logical :: again
 
     share = 0.0_wp
     step = 1.0_wp
     held = .false.
-    good = .true.
     call turn(sand, y, start)
     do while (share < 1.0_wp)
-      again = record%known .and. next <= record%count
-      if (again) step = min(record%size_of(next), 1.0_wp - share)
-      call sub_step(sand, step*strain, y, start, there, fault)
+      again = record%known .and. record%next <= record%count
+      if (again) step = min(record%size_of(record%next), 1.0_wp - share)
+      call sub_step(sand, step*strain, y, start, .not. again, there, fault)
       if (.not. fault <= 1.0_wp .and. (again .or. step <= smallest)) then
         held = fault >= huge(1.0_wp)
-        good = held .or. again
-        if (held .or. .not. good) return
+        record%lost = .not. (held .or. again)
+        if (held .or. record%lost) return
       else if (.not. fault <= 1.0_wp) then
         step = 0.5_wp*step
         cycle
       end if
-      good = next < most_steps
-      if (.not. good) return
-      if (.not. record%known) record%count = next
-      if (.not. record%known) record%size_of(next) = step
-      next = next + 1
+      record%lost = record%next >= most_steps
+      if (record%lost) return
+      if (.not. record%known) record%count = record%next
+      if (.not. record%known) record%size_of(record%next) = step
+      record%next = record%next + 1
       share = share + step
       y = there
       call settle(sand, y)
@@ -208,16 +210,21 @@ contains
     end do
   end subroutine yielding_part
 
-  !> One sub-step and its error over the limit, huge where the pressure falls below the least.
-  pure subroutine sub_step(sand, strain, y, start, there, fault)
+  !> One sub-step and its error over the limit, huge where the pressure falls below the least. One
+  !! that is not stable is refused before its error shows it: whether that is just below its limit
+  !! would hang on the last digits of the strain, and Newton's method around the point would stop.
+  pure subroutine sub_step(sand, strain, y, start, choose, there, fault)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(6), y(sand_size), start(6)
+    logical, intent(in) :: choose  !! may the sub-step be refused?
     real(wp), intent(out) :: there(sand_size), fault
-    real(wp) :: rate(sand_size, stages), off(sand_size), drive, p
+    real(wp) :: rate(sand_size, stages), off(sand_size), drive, fast, p
     integer(i4) :: k
     there = y
     do k = 1, stages
-      call rates(sand, strain, there, start, rate(:, k), drive)
+      call rates(sand, strain, there, start, rate(:, k), drive, fast)
+      if (k == 1) fault = fast
+      if (k == 1 .and. choose .and. fast > stable) return
       if (k < stages) there = y + matmul(rate(:, :k), tableau(k, :k))
     end do
     p = trace(there(:6))/3.0_wp
