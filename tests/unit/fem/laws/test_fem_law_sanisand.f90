@@ -94,7 +94,7 @@ contains
     there = state
     call integrate(law, strain, high, there, tangent, good)
     call test%check('tangent: converges', good)
-    step = 1.0e-3_wp*maxval(abs(strain))
+    step = 1.0e-3_wp*max_abs(strain)
     do j = 1, 6
       moved = strain
       moved(j) = strain(j) + step
