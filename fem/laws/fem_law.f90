@@ -40,6 +40,7 @@ module fem_law
     logical :: finite = .false.        !! finite strain: fem_law_finite
     logical :: polar = .false.         !! strain and curvature of 18 components: fem_law_polar
     logical :: eringen = .false.       !! has the constants of Eringen's solid
+    logical :: accounts = .false.      !! its update counts what is stored and dissipated
     integer(i4) :: states = common_size
     character(len=state_length), allocatable :: state_names(:)  !! beyond the common, with unit
     real(wp) :: moduli(6) = 0.0_wp     !! as in fem_micropolar; at the reference of the law [Pa, N]
@@ -157,7 +158,7 @@ contains
     new = stress
     there = state
     call law%update(strain, new, there, tangent, good)
-    if (good) call count_work(law%finite, strain, stress, new, state, there)
+    if (good) call count_work(law%finite .or. law%accounts, strain, stress, new, state, there)
     parts = 1
     do while (.not. good .and. parts < most_parts)
       parts = 2*parts
@@ -187,7 +188,7 @@ contains
       call law%update(strain/parts, new, there, unused, good)
       if (.not. good) return
       iterations = iterations + there(at_iterations)
-      call count_work(law%finite, strain/parts, before, new, was, there)
+      call count_work(law%finite .or. law%accounts, strain/parts, before, new, was, there)
     end do
     there(at_iterations) = iterations
     ! trapezoids of the parts are not that of the whole, which the ledger of the body counts
@@ -217,8 +218,8 @@ contains
     end do
   end subroutine differences
 
-  !> Work of the increment from `stress` to `new` into the state `there`; the stored energy of laws
-  !! of finite strain is `known`.
+  !> Work of the increment from `stress` to `new` into the state `there`; laws of finite strain, and
+  !! those that account for it, have the stored and the dissipated energy `known`.
   pure subroutine count_work(known, strain, stress, new, state, there)
     logical, intent(in) :: known
     real(wp), intent(in) :: strain(6), stress(6), new(6), state(:)
@@ -226,7 +227,7 @@ contains
     real(wp) :: plastic(6), lost
     if (known) then
       there(at_numerical) = state(at_numerical) + 0.5_wp*sum((stress + new)*strain) &
-        - (there(at_stored) - state(at_stored))
+        - sum(there(at_stored:at_dissipated) - state(at_stored:at_dissipated))
       return
     end if
     plastic = there(at_plastic:at_plastic + 5) - state(at_plastic:at_plastic + 5)

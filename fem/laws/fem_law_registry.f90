@@ -3,6 +3,7 @@
 module fem_law_registry
   use talus_kinds, only: i4
   use fem_law, only: fem_law_type, fem_law_box_type
+  use fem_law_breakage, only: fem_law_breakage_type
   use fem_law_clay, only: fem_law_clay_type
   use fem_law_drucker, only: fem_law_drucker_type
   use fem_law_kirchhoff, only: fem_law_kirchhoff_type
@@ -36,6 +37,7 @@ contains
     call append(list, fem_law_polar_drucker_type())
     call append(list, fem_law_polar_pressure_type())
     call append(list, fem_law_sanisand_type())
+    call append(list, fem_law_breakage_type())
     do k = 1, int(size(list), i4)
       call list(k)%law%define()
     end do

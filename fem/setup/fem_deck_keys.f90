@@ -145,7 +145,7 @@ contains
 
   subroutine group_material(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('material', 59, 'A material.', repeats=.true.)
+    call table%add_group('material', 66, 'A material.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name by which other groups refer to it.')
     call table%need()
     call table%add_key('density', 'real', 'kg/m3', 'Mass density of the solid substance.')
@@ -157,16 +157,16 @@ contains
     call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%only_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
-      //'chhoff|micropolar|micropolar_drucker_prager|micropolar_pressure')
+      //'chhoff|micropolar|micropolar_drucker_prager|micropolar_pressure|breakage')
     call table%need_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
-      //'chhoff')
+      //'chhoff|breakage')
     call table%add_key('poisson', 'real', '', 'Poisson''s ratio.')
     call table%bounds(above=-1.0_wp, below=0.5_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
     call table%need_with('law', &
       'linear_elastic|pressure_elastic|drucker_prager|layered|neo_hookean|st_venant_kir' &
-      //'chhoff|cam_clay|sanisand')
+      //'chhoff|cam_clay|sanisand|breakage')
     call group_material_2(table)
   end subroutine group_material
 
@@ -192,15 +192,17 @@ contains
       //' and Manzari of `stiffness_number`, `poisson`, `critical_slope`, ' &
       //'`extension_ratio`, `critical_void_ratio`, `critical_line_slope`, ' &
       //'`plastic_hardening`, `hardening_void`, `bounding_rate`, `dilatancy`, ' &
-      //'`dilatancy_rate`, `fabric_limit`, `fabric_rate` and its density. Solids of ' &
-      //'finite strain, `micropolar_drucker_prager`, `micropolar_pressure`, soils and ' &
+      //'`dilatancy_rate`, `fabric_limit`, `fabric_rate` and its density; `breakage`: the' &
+      //' grain crushing solid of Einav of `young`, `poisson`, `critical_slope`, ' &
+      //'`breakage_energy`, `breakage_angle_deg` and its grading. Solids of finite ' &
+      //'strain, `micropolar_drucker_prager`, `micropolar_pressure`, soils and ' &
       //'`pressure_elastic` are laws with a state, which `modal` and `relaxation` do not ' &
       //'support.')
     call table%preset('linear_elastic')
     call table%allow(&
       'linear_elastic|micropolar|pressure_elastic|drucker_prager|cam_clay|layered|neo_h' &
       //'ookean|st_venant_kirchhoff|micropolar_drucker_prager|micropolar_pressure|sanisan' &
-      //'d')
+      //'d|breakage')
     call table%add_key('lambda', 'real', 'Pa', &
       'Eringen''s lambda; with 3 lambda + 2 mu + kappa > 0.')
     call table%magnitude(0.0_wp, 1e+36_wp)
@@ -382,12 +384,12 @@ contains
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'micropolar_drucker_prager')
     call table%add_key('critical_slope', 'real', '', &
-      'Slope M = q/p of the critical state line of `cam_clay`, and of `sanisand` in ' &
-      //'triaxial compression.')
+      'Slope M = q/p of the critical state line of `cam_clay`, of `sanisand` in ' &
+      //'triaxial compression, and of the friction of `breakage`.')
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
-    call table%only_with('law', 'cam_clay|sanisand')
+    call table%only_with('law', 'cam_clay|sanisand|breakage')
     call table%add_key('compression_index', 'real', '', &
       'Slope lambda of the virgin line of `cam_clay`, v over ln p; above ' &
       //'`swelling_index`.')
@@ -520,10 +522,11 @@ contains
     call table%only_with('law', 'sanisand')
     call table%add_key('residual_pressure', 'real', 'Pa', &
       'p_r of `sanisand`: the law sees the stress with this pressure added; 0.005 of ' &
-      //'`atmospheric_pressure` if left out.')
+      //'`atmospheric_pressure` if left out. Of `breakage`: added to the pressure in the ' &
+      //'friction; 0 if left out.')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1e+36_wp)
-    call table%only_with('law', 'sanisand')
+    call table%only_with('law', 'sanisand|breakage')
     call table%add_key('void_ratio', 'real', '', &
       'Void ratio e of `sanisand` at the start; or give `relative_density`.')
     call table%bounds(above=0.0_wp, below=2.97_wp)
@@ -553,7 +556,57 @@ contains
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'sanisand')
     call table%needs('relative_density')
+    call table%add_key('breakage_energy', 'real', 'Pa', &
+      'E_c of `breakage`: critical breakage energy [J/m3].')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%only_with('law', 'breakage')
+    call table%add_key('breakage_angle_deg', 'real', 'deg', &
+      'omega of `breakage`: share of crushing, cos^2, and of the plastic volume that ' &
+      //'goes with it, sin^2, in what isotropic crushing dissipates.')
+    call table%need()
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
+    call table%only_with('law', 'breakage')
+    call table%add_key('grain_size_max', 'real', 'm', &
+      'x_M of `breakage`: size of all grains at the start, largest of the ultimate ' &
+      //'grading; or give `grading_index`.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('law', 'breakage')
+    call table%needs('grain_size_min')
+    call table%add_key('grain_size_min', 'real', 'm', &
+      'x_m of `breakage`: smallest size of the ultimate grading.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('law', 'breakage')
+    call table%needs('grain_size_max')
+    call group_material_11(table)
   end subroutine group_material_10
+
+  subroutine group_material_11(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('fractal_dimension', 'real', '', &
+      'D of `breakage`: of the ultimate grading, (x^(3-D) - x_m^(3-D))/(x_M^(3-D) - ' &
+      //'x_m^(3-D)) by mass.')
+    call table%preset('2.6')
+    call table%bounds(above=0.0_wp, below=3.0_wp)
+    call table%magnitude(1e-20_wp, 3.0_wp)
+    call table%only_with('law', 'breakage')
+    call table%add_key('grading_index', 'real', '', &
+      'theta of `breakage`, 1 - <x^2>_ultimate/<x^2>_start by mass, where other ' &
+      //'gradings are known than those of `grain_size_max`.')
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%only_with('law', 'breakage')
+    call table%excludes('grain_size_max')
+    call table%add_key('initial_breakage', 'real', '', 'B of `breakage` at the start.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('law', 'breakage')
+  end subroutine group_material_11
 
   subroutine group_curve(table)
     type(key_table_type), intent(inout) :: table
