@@ -10,6 +10,7 @@ from talus.commands import (
     checksum,
     compare,
     convert,
+    fit,
     measure,
     mesh,
     pack,
@@ -19,7 +20,7 @@ from talus.commands import (
 )
 from talus.faults import FaultError
 
-MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum)
+MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit)
 
 
 def build_parser() -> Parser:
