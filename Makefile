@@ -46,15 +46,18 @@ sources   = $(sort $(wildcard $(1)/*.$(2) $(1)/*/*.$(2) $(1)/*/*/*.$(2)))
 objects   = $(patsubst %.f90,$(OBJ)/%.o,$(filter-out %_main.f90,$(notdir $(call sources,$(1),f90)))) \
             $(patsubst %.c,$(OBJ)/%_c.o,$(notdir $(call sources,$(1),c)))
 PROGRAMS := $(BIN)/talus-dem $(BIN)/talus-fem $(BIN)/talus-couple
+# what solvers of another make link (libport/README.md)
+OPEN_PORT := $(LIB)/libtalus_port.a $(LIB)/libtalus_port.so
 PARTS    := common dem fem couple
 UNITS    := $(patsubst %.f90,$(BUILD)/unit/%,$(filter test_%,$(notdir $(call sources,tests/unit,f90))))
 HELPERS  := $(patsubst %.f90,$(OBJ)/%.o,$(filter-out test_%,$(notdir $(call sources,tests/unit,f90))))
 ALL_F90  := $(foreach d,$(PARTS) tests/unit,$(call sources,$(d),f90))
 vpath %.f90 $(sort $(dir $(ALL_F90)))
-vpath %.c   $(sort $(dir $(foreach d,$(PARTS),$(call sources,$(d),c))))
+vpath %.c   $(sort $(dir $(foreach d,$(PARTS) libport,$(call sources,$(d),c))))
 
-.PHONY: all common talus-dem talus-fem talus-couple unit unit-one clean
-all: $(PROGRAMS)
+.PHONY: all common talus-dem talus-fem talus-couple open-port unit unit-one clean
+all: $(PROGRAMS) $(OPEN_PORT)
+open-port: $(OPEN_PORT)
 talus-dem talus-fem talus-couple: %: $(BIN)/%
 common: $(LIB)/libtalus_common.a
 unit: $(UNITS)
@@ -116,6 +119,17 @@ $(BIN)/talus-fem: $(OBJ)/fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HDF5)
 $(BIN)/talus-couple: $(OBJ)/cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
 	gfortran -fopenmp $(LDFLAGS) -o $@ $^ -lopenblas $(LIBS_HDF5)
+
+# without sanitizers, which a foreign program has not
+PIC_OBJ := $(patsubst %.c,$(OBJ)/pic/%.o,$(notdir $(wildcard libport/*.c)) talus_port_shm.c talus_partner.c \
+  talus_crc64.c talus_hash.c)
+$(OBJ)/pic/%.o: %.c libport/talus_port.h libport/port_parts.h common/port/talus_port_names.h Makefile
+	@mkdir -p $(@D)
+	$(CC) $(CFLAGS_COMMON) -O2 -g1 -fPIC -fvisibility=hidden -Ilibport -Icommon/port -c -o $@ $<
+$(LIB)/libtalus_port.a: $(PIC_OBJ) | $(LIB)
+	rm -f $@ && ar rcs $@ $^
+$(LIB)/libtalus_port.so: $(PIC_OBJ) | $(LIB)
+	$(CC) -shared -Wl,-soname,libtalus_port.so -Wl,-z,defs -o $@ $^ -lpthread -lrt
 
 # unit tests link what they may use, and of what they share what they need; a folder without
 # sources yields an empty library
@@ -255,9 +269,10 @@ style: deps-run deps-dev
 
 install: all
 	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
-	install -d $(DESTDIR)$(PREFIX)/include
+	install -d $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/lib
 	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
-	install -m 644 common/port/talus_port_names.h $(DESTDIR)$(PREFIX)/include
+	install -m 644 libport/talus_port.h common/port/talus_port_names.h $(DESTDIR)$(PREFIX)/include
+	install -m 644 $(OPEN_PORT) $(DESTDIR)$(PREFIX)/lib
 	rm -rf $(DESTDIR)$(PREFIX)/share/talus/talus
 	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
 	  $(DESTDIR)$(PREFIX)/share/talus

@@ -14,9 +14,11 @@ LISTS = {
     "dem": ("dem",),
     "fem": ("fem",),
     "couple": ("couple",),
+    "libport": ("libport",),
     "prepost": ("prepost/talus",),
 }
 IN_FORTRAN = re.compile(r"'([DINSPBW]\d{3})'")
+IN_C = re.compile(r'"([DINSPBW]\d{3})\b')
 IN_PYTHON = re.compile(r"\bE5\d\d\b")
 ANY = re.compile(r"\b[A-Z]\d{3}\b")
 
@@ -50,11 +52,11 @@ def explained() -> dict[str, str]:
 def in_sources() -> dict[str, str]:
     """Return every code that a source uses, and where."""
     used: dict[str, str] = {}
+    kinds = {"prepost": ("talus/**/*.py", IN_PYTHON), "libport": ("*.c", IN_C)}
     for folder in LISTS:
-        fortran = folder != "prepost"
-        paths = (ROOT / folder).rglob("*.f90") if fortran else (ROOT / folder).glob("talus/**/*.py")
-        for path in sorted(paths):
-            for code in (IN_FORTRAN if fortran else IN_PYTHON).findall(path.read_text()):
+        pattern, code_of = kinds.get(folder, ("**/*.f90", IN_FORTRAN))
+        for path in sorted((ROOT / folder).glob(pattern)):
+            for code in code_of.findall(path.read_text()):
                 used.setdefault(code, str(path.relative_to(ROOT)))
     return used
 

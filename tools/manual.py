@@ -51,6 +51,7 @@ ORDER += [
     "speed",
     "errors",
     "extending",
+    "own-solver",
     "release-0.2.0",
     "glossary",
 ]
@@ -120,7 +121,7 @@ def errors_page() -> str:
         "Exit code 3 is no error: the run stopped early on request and left a checkpoint.",
         "",
     ]
-    for folder in ["common", "dem", "fem", "couple", "prepost"]:
+    for folder in ["common", "dem", "fem", "couple", "libport", "prepost"]:
         path = ROOT / folder / "errors.toml"
         if not path.exists():
             continue
