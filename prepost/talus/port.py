@@ -1,10 +1,13 @@
-"""The exchange port over HDF5 files in Python (manual/port.md): for solvers written in Python.
+"""The exchange port in Python (manual/port.md): for solvers written in Python.
 
-`serve(stem, answer)` joins a port that talus-couple offers and answers its requests. Below are
-the parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of`.
+`serve(port_of(sys.argv), answer)` joins the port that talus-couple offers, in shared memory or
+files, and answers its requests; `Solid` of talus.port_solid is the frame of a solid. Below are the
+parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of`.
 """
 
 import os
+import signal
+import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -77,6 +80,10 @@ class Message:
 
     def header(self) -> np.ndarray:
         """Return the header's words with words and checksum as they should be."""
+        return self.words()[:HEADER_WORDS]
+
+    def words(self, checksum: Callable[[np.ndarray], int] = crc64) -> np.ndarray:
+        """Return the whole message as words; `checksum` is that of words with word 10 as 0."""
         data = [self.words_of(name) for name in self.fields]
         head = np.zeros(HEADER_WORDS, dtype="<i8")
         head[HEADER["magic"]] = np.frombuffer(MAGIC, dtype="<i8")[0]
@@ -85,9 +92,30 @@ class Message:
         size = HEADER_WORDS + sum(len(words) for words in data)
         head[7:10] = self.status, len(self.fields), size
         head[HEADER["waited"]] = self.waited
-        checksum = crc64(np.concatenate([head, *data]))
-        head[HEADER["checksum"]] = np.uint64(checksum).view("<i8")
-        return head
+        words = np.concatenate([head, *data])
+        words[HEADER["checksum"]] = np.uint64(checksum(words)).view("<i8")
+        return words
+
+    @classmethod
+    def of_words(cls, words: np.ndarray) -> "Message":
+        """Return a message whose fields are views of words (n); E570 where they are not whole."""
+        reals = words.view("<f8")
+        integers = {name: int(words[k]) for name, k in HEADER.items() if k < len(words)}
+        if len(words) < HEADER_WORDS or words[0] != np.frombuffer(MAGIC, dtype="<i8")[0]:
+            raise damaged(0, "it has no header of Talus")
+        known = ("verb", "sequence", "step", "status", "protocol", "waited")
+        message = cls(**{name: integers[name] for name in known})
+        message.t0, message.t1 = float(reals[HEADER["t0"]]), float(reals[HEADER["t1"]])
+        if integers["words"] != len(words):
+            raise damaged(message.sequence, f"it tells of {integers['words']} words and has "
+                          f"{len(words)}")  # fmt: skip
+        place = HEADER_WORDS
+        for _ in range(integers["fields"]):
+            name, value, place = field_at(words, place, message.sequence)
+            message.fields[name] = value
+        if place != len(words):
+            raise damaged(message.sequence, "its fields do not fill it")
+        return message
 
     def words_of(self, name: str) -> np.ndarray:
         """Return description and data of a field as words."""
@@ -104,6 +132,32 @@ class Message:
         head[:6] = np.frombuffer(name.encode().ljust(NAME_LENGTH), dtype="<i8")
         head[6:] = kind, components, count, len(data)
         return np.concatenate([head, data])
+
+
+def damaged(sequence: int, why: str) -> FaultError:
+    """Return the fault of a message that cannot be read."""
+    hint = "the partner does not follow the page, or memory was damaged"
+    return FaultError("E570", f"message {sequence} of the partner: {why}", hint, "port", 4)
+
+
+def field_at(words: np.ndarray, place: int, sequence: int) -> tuple[str, np.ndarray | bytes, int]:
+    """Return name and value of the field at a place, the value as a view, and the place behind."""
+    begin = place + FIELD_WORDS
+    if begin > len(words):
+        raise damaged(sequence, "a description is cut off")
+    name = words[place : place + 6].tobytes().decode("ascii", "replace").rstrip()
+    kind, components, count, size = (int(word) for word in words[place + 6 : begin])
+    text = kind == KINDS["text"]
+    wanted = -(-count // 8) if text else components * count
+    if kind not in KINDS.values() or min(components, count, size) < 0 or size != wanted:
+        raise damaged(sequence, f"the description of the field '{name}' is wrong")
+    if begin + size > len(words):
+        raise damaged(sequence, f"the field '{name}' is cut off")
+    data = words[begin : begin + size]
+    if text:
+        return name, data.tobytes()[:count], begin + size
+    value = data.view("<f8") if kind == KINDS["real"] else data
+    return name, value if components == 1 else value.reshape(count, components), begin + size
 
 
 def write_message(
@@ -210,48 +264,124 @@ def spec_of(arguments: list[str]) -> str:
     return next(a[len("--port=hdf5:") :] for a in arguments if a.startswith("--port=hdf5:"))
 
 
-def serve(stem: str, answer: Callable[[Message], Values]) -> int:
-    """Answer the requests of talus-couple until STOP or ABORT; return the exit code.
+def port_of(arguments: list[str]) -> str:
+    """Return SPEC of --port=SPEC; E573 where there is none."""
+    for argument in arguments:
+        if argument.startswith("--port="):
+            return argument.removeprefix("--port=")
+    raise FaultError("E573", "no --port=SPEC was given", "talus-couple starts this program with it")
 
-    `answer` receives a request and returns the fields of its reply; a FaultError that it raises is
-    the reply.
-    """
-    offered = join(stem)
-    beats, waits = 1, False
 
-    def beat(state: str) -> None:
+class FileEnd:
+    """The solver's end of a port in files."""
+
+    def __init__(self, stem: str) -> None:
+        """Join."""
+        self.stem, self.beats, self.waits, self.sequence = stem, 1, False, 0
+        self.offered = join(stem)
+
+    def beat(self, state: str = "works") -> None:
         """Let the heartbeat move."""
-        nonlocal beats, waits
-        beats, waits = beats + 1, state == "waits"
+        self.beats, self.waits = self.beats + 1, state == "waits"
         with suppress(FileNotFoundError):
-            write_lines(Path(f"{stem}.beat"), str(beats), state)
+            write_lines(Path(f"{self.stem}.beat"), str(self.beats), state)
 
-    def alive() -> bool:
+    def alive(self) -> bool:
         """Beat; return whether talus-couple still runs, where that is known."""
-        beat("waits")
-        return Path(stem).parent.exists() and (
-            offered[2] != place() or Path(f"/proc/{offered[3]}").exists()
+        self.beat("waits")
+        return Path(self.stem).parent.exists() and (
+            self.offered[2] != place() or Path(f"/proc/{self.offered[3]}").exists()
         )
 
-    sequence = 0
-    while True:
-        sequence += 1
-        request = read_message(stem, sequence, "request", alive)
-        if request is None:  # the partner has gone
-            return STATUS["system"]
-        if waits:
-            beat("works")
-        reply = Message(request.verb, sequence, request.step, request.t0, request.t1)
+    def receive(self) -> Message | None:
+        """Wait for the next request; None when the partner has gone."""
+        self.sequence += 1
+        request = read_message(self.stem, self.sequence, "request", self.alive)
+        if request is not None and self.waits:
+            self.beat()
+        return request
+
+    def send(self, reply: Message) -> None:
+        """Send the reply."""
+        write_message(self.stem, reply, "reply")
+
+    def close(self) -> None:
+        """Leave; the files are talus-couple's."""
+
+
+class MemoryEnd:
+    """The solver's end of a port in shared memory."""
+
+    def __init__(self, spec: str) -> None:
+        """Join."""
+        from talus.port_shm import SharedEnd, checksum  # where the library is
+
+        self.end, self.checksum = SharedEnd(spec), checksum
+        self.beat, self.close, self.sequence = self.end.beat, self.end.close, 0
+
+    def receive(self) -> Message | None:
+        """Wait for the next request; None when the partner has gone. Its fields are views."""
+        try:
+            words = self.end.pull()
+        except FaultError as fault:
+            print(fault, file=sys.stderr)
+            return None
+        self.sequence += 1
+        seen = int(words[HEADER["checksum"]].view("<u8")) if len(words) >= HEADER_WORDS else -1
+        if seen != self.checksum(words):
+            raise damaged(self.sequence, "its checksum is not that of its content")
+        request = Message.of_words(words)
+        if request.sequence != self.sequence or request.protocol != PROTOCOL:
+            due = f"message {self.sequence} of protocol {PROTOCOL} is due"
+            raise damaged(request.sequence, due)
+        return request
+
+    def send(self, reply: Message) -> None:
+        """Send the reply."""
+        self.end.push(reply.words(self.checksum))
+
+
+def open_end(spec: str) -> FileEnd | MemoryEnd:
+    """Join a port: shm:/NAME, hdf5:FOLDER/SIDE, attach:FILE, or the stem of files."""
+    if spec.startswith("attach:"):
+        offer_file, limit = Path(spec.removeprefix("attach:")), time.monotonic() + 6 * PATIENCE
+        while not offer_file.exists() and time.monotonic() < limit:
+            time.sleep(0.01)
+        spec = offer_file.read_text().splitlines()[0]
+    if spec.startswith("shm:"):
+        return MemoryEnd(spec)
+    end = FileEnd(spec.removeprefix("hdf5:"))
+    for number in (signal.SIGINT, signal.SIGTERM):  # they are talus-couple's
+        with suppress(ValueError):  # not in the main thread
+            signal.signal(number, signal.SIG_IGN)
+    return end
+
+
+def put_fault(reply: Message, fault: FaultError) -> None:
+    """Make a reply the report of a fault."""
+    reply.status, reply.fields = fault.exit_code, {}
+    reply.put({Field.ERROR_CODE: fault.code, Field.ERROR_MESSAGE: fault.message,
+               Field.ERROR_PLACE: fault.place, Field.ERROR_HINT: fault.hint})  # fmt: skip
+
+
+def serve(spec: str, answer: Callable[[Message], Values]) -> int:
+    """Answer the requests of talus-couple until STOP or ABORT; return the exit code.
+
+    `spec` is that of --port=SPEC (`port_of`) or the stem of files. `answer` receives a request and
+    returns the fields of its reply; a FaultError that it raises is the reply.
+    """
+    end = open_end(spec)
+    code = STATUS["system"]
+    while (request := end.receive()) is not None:
+        reply = Message(request.verb, request.sequence, request.step, request.t0, request.t1)
         try:
             reply.put(answer(request))
         except FaultError as fault:
-            reply.status = fault.exit_code
-            reply.fields = {}
-            reply.put({Field.ERROR_CODE: fault.code, Field.ERROR_MESSAGE: fault.message,
-                       Field.ERROR_PLACE: fault.place, Field.ERROR_HINT: fault.hint})  # fmt: skip
-        write_message(stem, reply, "reply")
+            put_fault(reply, fault)
+        end.send(reply)
         if request.name == "STOP":
-            early = request.flag(Field.EARLY)
-            return STATUS["stopped"] if early else STATUS["good"]
-        if request.name == "ABORT":
-            return STATUS["system"]
+            code = STATUS["stopped"] if request.flag(Field.EARLY) else STATUS["good"]
+        if request.name in ("STOP", "ABORT"):
+            break
+    end.close()
+    return code

@@ -1,0 +1,195 @@
+"""Solvers of another make at the port: libtalus_port in C, talus.port in Python."""
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from talus.faults import FaultError
+from talus.port import Message
+from talus.port_names import PROTOCOL, VERBS
+from talus.port_shm import SharedEnd, checksum, find_library, is_whole
+from talus.programs import find_program
+from talus.verification import read_history, write_packing
+
+ROOT = Path(__file__).parents[2]
+FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
+PROBE = """#include <talus_port.h>
+static void answer(struct talus_port *port, void *state)
+{
+    (void)state;
+    switch (talus_port_verb(port)) {
+    case TALUS_VERB_HELLO: talus_port_put_hello(port, "probe", "1", "none"); break;
+    case TALUS_VERB_SELECT: talus_port_select(port, 8); break;
+    case TALUS_VERB_DESCRIBE:
+        talus_port_text(port, TALUS_FIELD_WHAT);
+        talus_port_put_reals(port, TALUS_FIELD_X, 3, -1, NULL);
+        break;
+    case TALUS_VERB_CHECKPOINT: talus_port_put_file(port, "nowhere.chk"); break;
+    default: break;
+    }
+}
+int main(int argc, char **argv)
+{
+    return talus_port_serve(talus_port_open(talus_port_spec(argc, argv)), "report,checkpoint",
+                            answer, NULL);
+}
+"""
+RADIUS, SPEED, CONTACT, SPRING = 5.0e-3, 1.0, 1.0e5, 4.0e5
+MASS = 2650.0 * 4 / 3 * np.pi * RADIUS**3
+
+
+def build(source: Path, binary: Path, kind: str = "so") -> str:
+    """Compile a partner against the shared or the static library, without warnings."""
+    folder = Path(find_library()).parent
+    include = [f"-I{ROOT / 'libport'}", f"-I{ROOT / 'common/port'}"]
+    link = [f"-L{folder}", f"-Wl,-rpath,{folder}", "-ltalus_port"]
+    if kind == "a":
+        link = [str(folder / "libtalus_port.a"), "-lpthread", "-lrt"]
+    command = ["gcc", *FLAGS, *include, str(source), "-o", str(binary), *link]
+    subprocess.run(command, check=True)
+    return str(binary)
+
+
+class Asker:
+    """Asks a solver in shared memory."""
+
+    def __init__(self, command: list[str], folder: Path) -> None:
+        """Make the segment and start the solver."""
+        spec = f"shm:/talus-{os.getpid()}-test-{folder.name}"
+        self.end, self.sequence = SharedEnd.offer(spec, "test"), 0
+        self.process = subprocess.Popen([*command, f"--port={spec}"], cwd=folder)
+
+    def ask(self, verb: str, **fields: object) -> Message:
+        """Send a request and return the reply, which is whole."""
+        self.sequence += 1
+        request = Message(VERBS[verb], self.sequence, 0, 0.0, 1.0)
+        request.put({name.replace("__", "."): value for name, value in fields.items()})
+        self.end.push(request.words(checksum))
+        words = self.end.pull(20.0)
+        assert words is not None and is_whole(words)
+        reply = Message.of_words(words)
+        assert (reply.sequence, reply.verb) == (self.sequence, VERBS[verb])
+        return reply
+
+    def code(self, verb: str, **fields: object) -> str:
+        """Return the code of the fault that a request gives."""
+        return self.ask(verb, **fields).text("error.code")
+
+    def hello(self) -> Message:
+        """Greet."""
+        return self.ask("HELLO", run_id="test", restart="", protocol=PROTOCOL)
+
+
+@pytest.mark.parametrize("kind", ["so", "a"])
+def test_spring_bed_in_c(kind: str, tmp_path: Path) -> None:
+    """A grain rebounds from the C partner as contact and spring in series demand."""
+    case = ROOT / "verification/couple/port_partner"
+    build(ROOT / "examples/08-own-solver/spring_bed.c", tmp_path / "spring_bed", kind)
+    start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2 * RADIUS + 2.0e-5]])
+    write_packing(
+        tmp_path / "pack.h5", start, np.full((2, 3), RADIUS), kind=np.array([1, 0]),
+        v=np.array([[0.0, 0.0, 0.0], [0.0, 0.0, -SPEED]]), groups={"ghost": np.array([1])},
+    )  # fmt: skip
+    (tmp_path / "stiffness.txt").write_text(f"{SPRING}\n")
+    (tmp_path / "grains.nml").write_text((case / "grains.nml").read_text())
+    deck = (case / "coupled.nml").read_text().replace("@command@", str(tmp_path / "spring_bed"))
+    for old, new in (("plate.toml", "stiffness.txt"), ("@exchange@", "8e-6"),
+                     ("'hdf5'", "'shared_memory'")):  # fmt: skip
+        deck = deck.replace(old, new)
+    (tmp_path / "coupled.nml").write_text(deck)
+    subprocess.run([find_program("talus-couple"), "coupled.nml"], cwd=tmp_path, check=True)
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    series = CONTACT * SPRING / (CONTACT + SPRING)
+    omega = np.sqrt(series / MASS)
+    loss = 0.5 * np.pi * omega * 8e-6 * series / SPRING  # the lag of an exchange (port_partner)
+    left = audit["grains_kinetic"][-1] / (0.5 * MASS * SPEED**2)
+    assert abs(left - (1.0 - loss)) < (omega * 8e-6) ** 2 * series / SPRING
+    force = -audit["force_on_solid_z"].min() / (SPEED * np.sqrt(MASS * series))
+    assert abs(force - 1.0) < 0.5 * loss
+
+
+def test_library_refuses_what_the_page_refuses(tmp_path: Path) -> None:
+    """Order, capabilities, fields, ids, files: each fault has its code, and the solver goes on."""
+    (tmp_path / "probe.c").write_text(PROBE)
+    asker = Asker([build(tmp_path / "probe.c", tmp_path / "probe")], tmp_path)
+    try:
+        assert asker.code("READY") == "P021"
+        assert asker.code("HELLO", run_id="test", restart="", protocol=99) == "P005"
+        hello = asker.hello()
+        assert hello.text("program") == "probe" and hello.text("capabilities").startswith("report")
+        assert hello.fields["gravity"].shape == (3,)
+        assert asker.code("ACCEPT") == "P021"
+        assert asker.code("SELECT", set="a", role="report", id=[1, 9]) == "P425"
+        assert asker.code("SELECT", set="a", role="report", id=[1.0]) == "P011"
+        assert asker.code("SELECT", set="a", role="report", id=np.ones((2, 2), int)) == "P010"
+        assert asker.code("SELECT", set="a", role="report") == "P009"
+        assert asker.code("SELECT", set="a", role="report", id=[1], more=1.0) == "P012"
+        assert asker.code("SELECT", set="a", role="load", id=[1]) == "P427"
+        assert asker.code("SELECT", set="a", role="report", id=[1, 8]) == ""
+        assert asker.code("DESCRIBE", what="mesh") == "P426"
+        assert asker.code("CHECKPOINT", tag="one") == "P428"
+        assert asker.code("READY") == ""
+        assert asker.code("SOLVE", trial=1) == "P427"
+        assert asker.ask("STOP", early=1).status == 0
+        assert asker.process.wait(20) == 3
+    finally:
+        asker.process.kill()
+        asker.process.wait()
+
+
+def test_library_leaves_with_its_partner(tmp_path: Path) -> None:
+    """A solver leaves with exit code 4 when talus-couple is gone, or a message is damaged."""
+    (tmp_path / "probe.c").write_text(PROBE)
+    binary = build(tmp_path / "probe.c", tmp_path / "probe")
+    asker = Asker([binary], tmp_path)
+    asker.hello()
+    asker.end.close()
+    assert asker.process.wait(20) == 4
+    asker = Asker([binary], tmp_path)
+    words = Message(VERBS["HELLO"], 1).words(checksum)
+    words[4] += 1
+    asker.end.push(words)
+    assert asker.process.wait(20) == 4
+    with pytest.raises(FaultError) as fault:
+        asker.end.pull(20.0)
+    assert fault.value.code == "E572"
+    asker = Asker([binary], tmp_path)
+    asker.hello()
+    assert asker.ask("ABORT").status == 0
+    assert asker.process.wait(20) == 4
+
+
+def test_fields_are_views(tmp_path: Path) -> None:
+    """Fields of a message that arrived share its memory; damaged ones are refused (E570)."""
+    message = Message(VERBS["SET"], 3, 0, 0.0, 1.0)
+    message.put({"x": np.arange(6.0).reshape(2, 3), "id": [1, 2, 3], "what": "springs", "e": ""})
+    words = message.words(checksum)
+    again = Message.of_words(words)
+    assert np.shares_memory(again.fields["x"], words) and again.fields["x"].shape == (2, 3)
+    assert np.shares_memory(again.fields["id"], words) and again.text("what") == "springs"
+    assert again.fields["e"] == b"" and again.t1 == 1.0
+    for place, value in ((0, 1), (9, 7), (8, 3), (8, 9), (22, 9), (25, 10**6)):
+        wrong = words.copy()
+        wrong[place] = value
+        with pytest.raises(FaultError, match="E570"):
+            Message.of_words(wrong)
+
+
+def test_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A partner without a port, or without the library, says so."""
+    here = ROOT / "examples/08-own-solver"
+    done = subprocess.run([sys.executable, str(here / "elastic_block.py"),
+                           str(ROOT / "verification/couple/own_solver/block.toml")],
+                          capture_output=True, text=True)  # fmt: skip
+    assert done.returncode and "E573" in done.stderr
+    with pytest.raises(FaultError, match="E572"):
+        SharedEnd("tcp:4711")
+    monkeypatch.setenv("TALUS_BIN", str(tmp_path))
+    monkeypatch.setattr("talus.port_shm.NAME", "libtalus_port_absent.so")
+    monkeypatch.setattr("ctypes.util.find_library", lambda name: None)
+    with pytest.raises(FaultError, match="E571"):
+        find_library()
