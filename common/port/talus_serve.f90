@@ -21,7 +21,7 @@ module talus_serve
   use talus_text, only: starts_with
   implicit none
   private
-  public :: server_type, serve_partner, restart_file, take_brief, take_flag
+  public :: server_type, serve_partner, restart_file, take_brief, take_flag, limit_told
 
   !> What every solver's service remembers, and what each solver must do.
   type, abstract :: server_type
@@ -395,4 +395,10 @@ contains
     if (request%has(name)) call request%get_int(name, value, errors)
     flag = value == 1
   end subroutine take_flag
+
+  !> A step limit [s] as the port has it: 0 where nothing limits the step.
+  pure real(wp) function limit_told(limit)
+    real(wp), intent(in) :: limit  !! s; huge: none
+    limit_told = merge(0.0_wp, limit, limit >= 0.1_wp*huge(1.0_wp))
+  end function limit_told
 end module talus_serve

@@ -57,9 +57,11 @@ contains
     do k = 1, 2
       call compare(solvers(k), choices, time, errors)
     end do
-    call check_capabilities(solvers, choices, errors)
     call compare_gravity(solvers, choices, errors)
+    faults = errors%count
     call check_analysis(solvers(side_solid), choices, errors)
+    ! an analysis that does not fit says more than the verb that it lacks
+    if (errors%count == faults) call check_capabilities(solvers, choices, errors)
   end subroutine shake_hands
 
   subroutine read_answer(solver, errors)

@@ -11,7 +11,7 @@ module dem_port
   use talus_port_names, only: field_fields, field_ids, field_set, field_step_limit, &
     field_substeps, field_value, field_what, role_name, role_surface, what_contact_weight, &
     what_kind, what_mass_factor
-  use talus_serve, only: server_type, serve_partner, restart_file
+  use talus_serve, only: server_type, serve_partner, restart_file, limit_told
   use talus_text, only: str, append_string
   use dem_clock, only: dem_clock_type
   use dem_ledger, only: start_ledger
@@ -193,7 +193,8 @@ contains
       call errors%add('P255', "talus-dem cannot set '"//what//"'", request%place(), &
                       'valid are contact_weight, mass_factor and kind')
     end select
-    if (.not. errors%any()) call reply%put(field_step_limit, self%model%system%step_limit())
+    if (.not. errors%any()) call reply%put(field_step_limit, &
+      limit_told(self%model%system%step_limit()))
   end subroutine set_values
 
   subroutine set_weights(self, request, errors)

@@ -14,6 +14,7 @@ module dem_port_population
   use talus_suggest, only: did_you_mean
   use dem_entry, only: size_batch, make_entering, check_ids
   use dem_model, only: dem_model_type
+  use talus_serve, only: limit_told
   use dem_packing, only: dem_packing_type
   use dem_records, only: index_of
   use dem_rest, only: rest_type
@@ -314,7 +315,7 @@ contains
     type(dem_model_type), intent(inout) :: model
     type(message_type), intent(inout) :: reply
     call renew_driven(model)
-    call reply%put(field_step_limit, model%system%step_limit())
+    call reply%put(field_step_limit, limit_told(model%system%step_limit()))
   end subroutine settle
 
   !> Driven grains have other numbers.

@@ -16,6 +16,7 @@ module dem_port_state
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
     scalar_angular_momentum, scalar_step_limit, scalar_max_overlap, scalar_flags, scalar_count, &
     flag_late_rebuild, flag_large_overlap
+  use talus_serve, only: limit_told
   use talus_version, only: version_text
   use dem_measure, only: momentum_of, angular_momentum_of
   use dem_packing, only: group_index
@@ -47,7 +48,7 @@ contains
     call reply%put(field_gravity, model%system%par%gravity_scale*model%system%par%gravity)
     call reply%put(field_time, model%clock%time())
     call reply%put(field_t_end, model%clock%t_end)
-    call reply%put(field_step_limit, model%system%step_limit())
+    call reply%put(field_step_limit, limit_told(model%system%step_limit()))
     if (.not. model%clock%automatic) call reply%put(field_dt, model%choices%dt)
     associate (par => model%system%par)
       call reply%put(field_motion, [merge(2.0_wp/max(model%choices%dt, tiny(1.0_wp)), par%damping, &
@@ -201,7 +202,7 @@ contains
     value(scalar_momentum:scalar_momentum + 2) = momentum_of(system%dem_data_type)
     value(scalar_angular_momentum:scalar_angular_momentum + 2) = &
       angular_momentum_of(system%dem_data_type)
-    value(scalar_step_limit) = system%recent_limit()
+    value(scalar_step_limit) = limit_told(system%recent_limit())
     value(scalar_max_overlap) = system%health%max_overlap
     flags = 0
     if (system%health%late_rebuilds > late) flags = flags + flag_late_rebuild

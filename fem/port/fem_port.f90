@@ -9,7 +9,7 @@ module fem_port
   use talus_port_names, only: field_fields, field_held, field_held_phi, field_inertia, &
     field_iterations, field_mass, field_speed, field_speed_phi, field_step_limit, &
     field_stiffness, field_stiffness_phi
-  use talus_serve, only: server_type, serve_partner, restart_file
+  use talus_serve, only: server_type, serve_partner, restart_file, limit_told
   use fem_model, only: fem_model_type, program_name
   use fem_run_files, only: open_run, finish_run, log_row, log_factors
   use fem_sets, only: fem_sets_type
@@ -136,7 +136,8 @@ contains
     call set_matter(self%model%body, self%sets, request, errors)
     call self%sets%forget_elements()
     if (.not. errors%any()) call request%all_read(errors)
-    if (.not. errors%any()) call reply%put(field_step_limit, self%model%body%limit%step)
+    if (.not. errors%any()) call reply%put(field_step_limit, &
+      limit_told(self%model%body%limit%step))
   end subroutine set_values
 
   !> All is set: factors, files, and a reply as after a step of no length. A rehearsal writes no

@@ -22,6 +22,7 @@ module fem_port_state
     scalar_background_damping, &
     scalar_gravity, scalar_momentum, scalar_angular_momentum, scalar_step_limit
   use talus_vectors, only: cross
+  use talus_serve, only: limit_told
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
@@ -41,7 +42,7 @@ module fem_port_state
   public :: reply_hello, reply_describe, set_values, put_scalars
 
   character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
-    ','//can_solve//','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
+    ','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
     can_checkpoint//','//can_rehearsal//','//can_springs//','//can_dead_load//','// &
     can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor
 
@@ -53,12 +54,16 @@ contains
     call reply%put_text(field_program, program_name)
     call reply%put_text(field_version, version_text())
     call reply%put_text(field_deck_hash, model%deck%hash())
-    call reply%put_text(field_capabilities, capabilities)
+    if (model%analysis%solves) then
+      call reply%put_text(field_capabilities, capabilities//','//can_solve)
+    else
+      call reply%put_text(field_capabilities, capabilities)
+    end if
     call reply%put_text(field_analysis, model%analysis%kind)
     call reply%put(field_gravity, model%body%loads%gravity)
     call reply%put(field_time, model%body%accepted%time)
     call reply%put(field_t_end, model%analysis%t_end)
-    call reply%put(field_step_limit, model%body%limit%step)
+    call reply%put(field_step_limit, limit_told(model%body%limit%step))
     call reply%put_int(field_ranks, 1_i4)
   end subroutine reply_hello
 
@@ -529,7 +534,7 @@ contains
     scalars(scalar_gravity) = body%energy%gravity
     scalars(scalar_plastic) = body%energy%plastic
     scalars(scalar_background_damping) = body%energy%damping + body%energy%numerical
-    scalars(scalar_step_limit) = body%limit%step
+    scalars(scalar_step_limit) = limit_told(body%limit%step)
     if (body%scheme%dynamic) then
       if (body%scheme%explicit) then
         p = spread(body%system%node_mass, 1, 3)*body%state%v

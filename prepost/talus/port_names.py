@@ -462,7 +462,7 @@ REPLIES = {
     ),
     "DESCRIBE group": (
         ("id", "integer", "(members)", "both", True),
-        ("element", "integer", "(members)", "solid", False),
+        ("element", "integer", "(given)", "solid", False),
     ),
 }
 
