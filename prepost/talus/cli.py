@@ -15,12 +15,14 @@ from talus.commands import (
     mesh,
     pack,
     plot,
+    port_test,
     render,
     report,
 )
 from talus.faults import FaultError
 
 MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit)
+MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum, port_test)
 
 
 def build_parser() -> Parser:

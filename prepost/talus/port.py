@@ -272,6 +272,14 @@ def port_of(arguments: list[str]) -> str:
     raise FaultError("E573", "no --port=SPEC was given", "talus-couple starts this program with it")
 
 
+def due(request: Message | None, sequence: int) -> Message | None:
+    """Return a request if it is the one that is due; E570 otherwise."""
+    if request and (request.sequence != sequence or request.protocol != PROTOCOL):
+        text = f"message {sequence} of protocol {PROTOCOL} is due"
+        raise damaged(request.sequence, text)
+    return request
+
+
 class FileEnd:
     """The solver's end of a port in files."""
 
@@ -299,7 +307,7 @@ class FileEnd:
         request = read_message(self.stem, self.sequence, "request", self.alive)
         if request is not None and self.waits:
             self.beat()
-        return request
+        return due(request, self.sequence)
 
     def send(self, reply: Message) -> None:
         """Send the reply."""
@@ -330,11 +338,7 @@ class MemoryEnd:
         seen = int(words[HEADER["checksum"]].view("<u8")) if len(words) >= HEADER_WORDS else -1
         if seen != self.checksum(words):
             raise damaged(self.sequence, "its checksum is not that of its content")
-        request = Message.of_words(words)
-        if request.sequence != self.sequence or request.protocol != PROTOCOL:
-            due = f"message {self.sequence} of protocol {PROTOCOL} is due"
-            raise damaged(request.sequence, due)
-        return request
+        return due(Message.of_words(words), self.sequence)
 
     def send(self, reply: Message) -> None:
         """Send the reply."""
@@ -371,8 +375,16 @@ def serve(spec: str, answer: Callable[[Message], Values]) -> int:
     returns the fields of its reply; a FaultError that it raises is the reply.
     """
     end = open_end(spec)
+    try:
+        return serve_end(end, answer)
+    finally:
+        end.close()
+
+
+def serve_end(end: FileEnd | MemoryEnd, answer: Callable[[Message], Values]) -> int:
+    """Answer what arrives at an end; a message that cannot be read ends the service (code 4)."""
     code = STATUS["system"]
-    while (request := end.receive()) is not None:
+    while (request := next_request(end)) is not None:
         reply = Message(request.verb, request.sequence, request.step, request.t0, request.t1)
         try:
             reply.put(answer(request))
@@ -383,5 +395,13 @@ def serve(spec: str, answer: Callable[[Message], Values]) -> int:
             code = STATUS["stopped"] if request.flag(Field.EARLY) else STATUS["good"]
         if request.name in ("STOP", "ABORT"):
             break
-    end.close()
     return code
+
+
+def next_request(end: FileEnd | MemoryEnd) -> Message | None:
+    """Return the next request; None, with the reason printed, where there is none."""
+    try:
+        return end.receive()
+    except FaultError as fault:
+        print(fault, file=sys.stderr)
+        return None

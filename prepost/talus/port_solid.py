@@ -12,6 +12,7 @@ from talus.port_names import CELLS, PROTOCOL, SCALAR_COUNT, SCALARS, Field
 
 NEEDS = {"SOLVE": "solve", "REJECT": "reject", "CHECKPOINT": "checkpoint"}  # of verbs that are here
 STEPS = ("ADVANCE", "SOLVE", "FORCE", "KICK_DRIFT", "ACCEPT", "REJECT")
+INTEGERS = {Field.ID, Field.NODE, Field.PROTOCOL}
 PASSED_OVER = {Field.FINAL, Field.TRIAL, Field.TAG, Field.EARLY, Field.REHEARSAL, Field.FIELDS}
 
 
@@ -91,7 +92,9 @@ class Solid:
             self.refuse("P009", f"the field '{name}' is missing")
         if isinstance(value, bytes):
             self.refuse("P011", f"the field '{name}' holds text, numbers were due")
-        value = np.asarray(value)
+        value, kind = np.asarray(value), "i" if name in INTEGERS else "f"
+        if value.dtype.kind != kind:
+            self.refuse("P011", f"the field '{name}' holds numbers of another kind")
         if value.ndim == 1 and len(shape) == 2 and shape[1] == 1:
             value = value[:, None]
         pairs = zip(shape, value.shape, strict=False)

@@ -8,14 +8,31 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from talus.cli import main
 from talus.faults import FaultError
+from talus.mesh import box, write_mesh
 from talus.port import Message
 from talus.port_names import PROTOCOL, VERBS
 from talus.port_shm import SharedEnd, checksum, find_library, is_whole
+from talus.port_test import Options
+from talus.port_test import test_solver as find_faults
 from talus.programs import find_program
 from talus.verification import read_history, write_packing
 
 ROOT = Path(__file__).parents[2]
+GRAINS = """&run       title = 'Three spheres', gravity = 0.0, 0.0, 0.0 /
+&material  id = 'quartz', density = 2650.0, young = 1.0e8, poisson = 0.25 /
+&contact   between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5 /
+&particles file = 'pack.h5', material = 'quartz' /
+&dynamics  dt = 1.0e-6 /
+"""
+SOLID = """&run      title = 'Cube', gravity = 0.0, 0.0, 0.0 /
+&mesh     file = 'cube.h5' /
+&material id = 'soil', density = 1500.0, young = 1.0e7, poisson = 0.3 /
+&section  group = 'all', material = 'soil' /
+&support  group = 'z0', fix = 'x', 'y', 'z' /
+&analysis kind = '{kind}' /
+"""
 FLAGS = ["-std=c11", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Werror"]
 PROBE = """#include <talus_port.h>
 static void answer(struct talus_port *port, void *state)
@@ -193,3 +210,129 @@ def test_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("ctypes.util.find_library", lambda name: None)
     with pytest.raises(FaultError, match="E571"):
         find_library()
+
+
+BLOCK = [sys.executable, str(ROOT / "examples/08-own-solver/elastic_block.py"),
+         str(ROOT / "verification/couple/own_solver/block.toml")]  # fmt: skip
+FAULTY = f"""import sys, time, tomllib
+sys.path.insert(0, {str(ROOT / "examples/08-own-solver")!r})
+import numpy as np
+from elastic_block import Block
+from talus import port
+from talus.faults import FaultError
+from talus.port import Message, port_of
+
+class Faulty(Block):
+    def ready(self, request):
+        if sys.argv[2] == "late":
+            time.sleep(60.0)
+        return super().ready(request)
+
+    def state(self, iterations):
+        reply = super().state(iterations)
+        if sys.argv[2] == "shape":
+            reply["t_load.u"] = np.zeros((7, 3))
+        if sys.argv[2] == "nan":
+            reply["t_load.v"] = np.full((4, 3), np.nan)
+        if sys.argv[2] == "missing":
+            del reply["iterations"]
+        if sys.argv[2] == "kind":
+            reply["iterations"] = 1.0
+        if sys.argv[2] == "unknown":
+            reply["t_load.w"] = np.zeros((4, 3))
+        return reply
+
+    def reject(self, request):
+        return {{}} if sys.argv[2] == "reject" else super().reject(request)
+
+    def balance(self, load):
+        super().balance(load)
+        if sys.argv[2] == "reject":
+            self.trials = getattr(self, "trials", 0) + 1
+            self.u += 1e-9 * self.trials
+        return 1
+
+    def check_order(self, request):
+        if sys.argv[2] != "order":
+            super().check_order(request)
+
+    def refuse(self, code, message, hint="x"):
+        raise FaultError("" if sys.argv[2] == "code" else code, message, hint, "x", 4)
+
+class Forger(Message):
+    def words(self, checksum):
+        words = super().words(checksum)
+        words[10] += 1
+        return words
+
+if sys.argv[2] == "checksum":
+    port.Message = Forger
+block = Faulty(**tomllib.load(open(sys.argv[1], "rb")))
+code = block.run(port_of(sys.argv))
+sys.exit(7 if sys.argv[2] == "exit" else code)
+"""
+
+
+def found_by_test(command: list[str], **choices: object) -> list[tuple[str, str]]:
+    """Return what `talus port-test` finds."""
+    return find_faults(command, Options(**choices))[0]
+
+
+@pytest.mark.parametrize("transport", ["shared_memory", "hdf5"])
+def test_conformance_of_talus(transport: str, tmp_path: Path,
+                              monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """talus-fem and talus-dem do what the page says."""
+    monkeypatch.chdir(tmp_path)
+    x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.999e-3], [0.01, 0.0, 0.0]])
+    write_packing(tmp_path / "pack.h5", x, np.full((3, 3), 1e-3), groups={"all": np.arange(1, 4)})
+    (tmp_path / "grains.nml").write_text(GRAINS)
+    write_mesh(tmp_path / "cube.h5", box(np.zeros(3), np.full(3, 0.01), (1, 1, 1)))
+    grains = [str(find_program("talus-dem")), "grains.nml"]
+    assert found_by_test(grains, transport=transport, material="quartz", group="all") == []
+    (tmp_path / "solid.nml").write_text(SOLID.format(kind="static"))
+    solid = [str(find_program("talus-fem")), "solid.nml"]
+    assert found_by_test(solid, transport=transport, facets="z1", group="all") == []
+
+
+def test_conformance_of_examples(tmp_path: Path) -> None:
+    """The block in numpy and the plate in C do what the page says."""
+    binary = build(ROOT / "examples/08-own-solver/spring_bed.c", tmp_path / "spring_bed")
+    (tmp_path / "stiffness.txt").write_text("4e5\n")
+    assert found_by_test([binary, str(tmp_path / "stiffness.txt")], facets="top") == []
+    assert found_by_test(BLOCK, transport="hdf5", facets="z1") == []
+
+
+@pytest.mark.parametrize(("fault", "section", "text"), [
+    ("shape", "Verbs", "the field 't_load.u' has 7 rows, 4 are due"),
+    ("nan", "Verbs", "the field 't_load.v' holds 12 numbers that are not finite"),
+    ("late", "Death and hang", "no reply and no sign of life for 2 s"),
+    ("checksum", "Death and hang", "the checksum of the reply is not that of its content"),
+    ("missing", "Verbs", "the field 'iterations' is missing"),
+    ("kind", "Verbs", "the field 'iterations' holds reals, integer is due"),
+    ("unknown", "Verbs", "the field 't_load.w' is not known"),
+    ("reject", "Capabilities", "after REJECT the same step gives another scalars, t_load.u"),
+    ("order", "Verbs", "READY before HELLO was not refused"),
+    ("code", "A message", "error.code is '', not a letter and three digits"),
+    ("exit", "What a partner does", "after STOP the exit code is 7, 0 is due"),
+])  # fmt: skip
+def test_faulty_solver_is_found(fault: str, section: str, text: str, tmp_path: Path,
+                                monkeypatch: pytest.MonkeyPatch) -> None:  # fmt: skip
+    """Each fault of a solver is found, with the section of the page that says so."""
+    monkeypatch.setattr("talus.port_test.ENDS", ())
+    (tmp_path / "faulty.py").write_text(FAULTY)
+    small = (ROOT / "verification/couple/own_solver/block.toml").read_text()
+    (tmp_path / "block.toml").write_text(small.replace("[4, 4, 3]", "[1, 1, 1]"))
+    command = [sys.executable, str(tmp_path / "faulty.py"), str(tmp_path / "block.toml"), fault]
+    found = found_by_test(command, time_limit=2.0)
+    assert any(section == page and text in line for page, line in found), found
+
+
+def test_command_tells_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """`talus port-test` ends with E574 for a faulty solver, E575 for none."""
+    (tmp_path / "mute.py").write_text("import sys\nsys.exit(5)\n")
+    assert main(["port-test", "--", sys.executable, str(tmp_path / "mute.py")]) == 1
+    said = capsys.readouterr()
+    assert "the solver ended with exit code 5 and did not answer" in said.out
+    assert "error E574: 1 faults" in said.err
+    assert main(["port-test", "--", str(tmp_path / "absent")]) != 0
+    assert "error E575" in capsys.readouterr().err
