@@ -81,7 +81,8 @@ int talus_file_write(const char *path, const char *text)
     const size_t n = strlen(text);
 
     snprintf(temporary, sizeof temporary, "%s.tmp", path);
-    const int fd = open(temporary, O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0600);
+    unlink(temporary); /* of a writer that was killed, or a link of somebody else */
+    const int fd = open(temporary, O_WRONLY | O_CREAT | O_EXCL | O_CLOEXEC, 0600);
     if (fd < 0)
         return errno;
     const ssize_t written = write(fd, text, n);
@@ -127,7 +128,7 @@ int talus_file_make_folder(const char *path)
                 return errno;
             *c = '/';
         }
-    if (mkdir(part, 0777) != 0 && errno != EEXIST)
+    if (mkdir(part, 0700) != 0 && errno != EEXIST) /* what is in it is of this user alone */
         return errno;
     if (stat(part, &file) != 0)
         return errno;

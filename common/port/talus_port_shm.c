@@ -265,6 +265,8 @@ struct port *talus_shm_connect(const char *name, const char *place, const char *
         return fail(p, stage, code, errno == ENOENT ? STAGE_ABSENT : STAGE_OPEN, errno);
     if (fstat(p->fd, &file) != 0)
         return fail(p, stage, code, STAGE_OPEN, errno);
+    if (file.st_uid != geteuid()) /* somebody else waits at this name */
+        return fail(p, stage, code, STAGE_OPEN, EPERM);
     p->size = (size_t)file.st_size;
     if (p->size <= control_bytes)
         return fail(p, stage, code, STAGE_ABSENT, 0);

@@ -86,12 +86,25 @@ contains
     call self%run%deck%read(options%deck, table, errors)
     if (errors%any()) return
     self%run%stem = run_stem(options%deck, options%output_dir)
-    self%run_id = str(process_id())//'-'//hash_text(date_text()//self%run%stem)
+    self%run_id = str(process_id())//'-'//hash_text(date_text()//self%run%stem// &
+      str(secret()))
     call read_choices(self%run%deck, self%run%choices, errors)
     call read_solvers(self%run%deck, self%run%stem, self%run%solvers, errors)
     call choose_method(method_name(self%run%choices), self%method)
     call self%method%check(self%run, errors)
   end subroutine read_run
+
+  !> A number that nobody can guess, for names that all users of a machine can see; 0 without
+  !! /dev/urandom.
+  integer(i8) function secret()
+    integer :: unit, status
+    secret = 0
+    open (newunit=unit, file='/dev/urandom', access='stream', form='unformatted', action='read', &
+          status='old', iostat=status)
+    if (status /= 0) return
+    read (unit, iostat=status) secret
+    close (unit)
+  end function secret
 
   !> Lock, signals, checkpoint to go on from; the log, which goes to its file when both solvers and
   !! the facet map are found good.

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -336,3 +337,45 @@ def test_command_tells_what_it_found(tmp_path: Path, capsys: pytest.CaptureFixtu
     assert "error E574: 1 faults" in said.err
     assert main(["port-test", "--", str(tmp_path / "absent")]) != 0
     assert "error E575" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("transport", ["shared_memory", "hdf5"])
+def test_port_is_of_its_user_alone(transport: str, tmp_path: Path) -> None:
+    """Segments and files have the mode 0600, folders 0700; names differ from run to run."""
+    case = ROOT / "verification/couple/port_partner"
+    x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.011]])
+    write_packing(tmp_path / "pack.h5", x, np.full((2, 3), RADIUS), kind=np.array([1, 0]),
+                  groups={"ghost": np.array([1])})  # fmt: skip
+    (tmp_path / "grains.nml").write_text((case / "grains.nml").read_text())
+    (tmp_path / "plate.toml").write_text("")
+    deck = (case / "coupled.nml").read_text().replace("@exchange@", "8e-6")
+    deck = deck.replace("'command', command = '@command@'", "'attach'")
+    (tmp_path / "coupled.nml").write_text(deck.replace("'hdf5'", f"'{transport}'"))
+    names = []
+    for _ in range(2):
+        with (tmp_path / "out.txt").open("w") as out:
+            run = subprocess.Popen([find_program("talus-couple"), "coupled.nml"], cwd=tmp_path,
+                                   stdout=out)  # fmt: skip
+        try:
+            offers: list[Path] = []
+            for _ in range(200):
+                offers = list(tmp_path.glob("*.solid.port"))
+                if offers:
+                    break
+                time.sleep(0.05)
+            spec = offers[0].read_text().splitlines()[0]
+            names.append(spec.partition("talus-")[2].partition("-")[2])
+            if transport == "hdf5":
+                folder = (tmp_path / spec.removeprefix("hdf5:")).parent
+                assert folder.stat().st_mode & 0o777 == 0o700
+                files = [f for f in folder.iterdir() if ".h5" not in f.name]
+            else:
+                files = [Path("/dev/shm") / spec.removeprefix("shm:/")]
+            modes = {f.name: oct(f.stat().st_mode & 0o777) for f in files}
+            assert files and set(modes.values()) == {"0o600"}, modes
+        finally:
+            run.kill()
+            run.wait(60)
+            for left in [*offers, *Path("/dev/shm").glob(f"talus-{run.pid}-*")]:
+                left.unlink(missing_ok=True)
+    assert names[0] != names[1]
