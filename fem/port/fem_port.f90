@@ -4,7 +4,8 @@
 module fem_port
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use talus_message, only: message_type, verb_solve, verb_advance, verb_force
+  use talus_message, only: message_type, verb_name, verb_solve, verb_advance, verb_force, &
+    verb_kick_drift
   use talus_options, only: options_type
   use talus_port_names, only: field_fields, field_held, field_held_phi, field_inertia, &
     field_iterations, field_mass, field_speed, field_speed_phi, field_step_limit, &
@@ -22,6 +23,8 @@ module fem_port
 
   !> The solid and the sets that the partner has selected.
   type, extends(server_type) :: fem_server_type
+    logical :: rehearsed = .false.            !! since the last READY that counts
+    real(wp) :: true_time = 0.0_wp            !! s, of the state before the rehearsal
     type(fem_model_type), allocatable :: model
     type(fem_sets_type) :: sets
   contains
@@ -149,8 +152,12 @@ contains
 
     associate (model => self%model)
       if (self%rehearsing) then
+        if (.not. self%rehearsed) self%true_time = model%body%accepted%time
+        self%rehearsed = .true.
         call model%look_at_supports(errors)
       else
+        if (self%rehearsed) model%body%state%time = self%true_time
+        self%rehearsed = .false.
         call model%begin(errors)
       end if
       if (errors%any()) return
@@ -176,8 +183,11 @@ contains
       call advance(self%model, self%sets, request, reply, errors)
     case (verb_force)
       call force(self%model, self%sets, request, reply, errors)
-    case default
+    case (verb_kick_drift)
       call kick_drift(self%model, self%sets, request, reply, errors)
+    case default
+      call errors%add('P301', 'talus-fem does not answer '//verb_name(request%verb), &
+                      request%place(), 'HELLO lists its capabilities')
     end select
     call self%model%timers%stop('steps')
     call log_factors(self%model)

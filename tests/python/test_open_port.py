@@ -290,9 +290,11 @@ def test_conformance_of_talus(transport: str, tmp_path: Path,
     write_mesh(tmp_path / "cube.h5", box(np.zeros(3), np.full(3, 0.01), (1, 1, 1)))
     grains = [str(find_program("talus-dem")), "grains.nml"]
     assert found_by_test(grains, transport=transport, material="quartz", group="all") == []
-    (tmp_path / "solid.nml").write_text(SOLID.format(kind="static"))
-    solid = [str(find_program("talus-fem")), "solid.nml"]
-    assert found_by_test(solid, transport=transport, facets="z1", group="all") == []
+    kinds = ("static", "explicit") if transport == "shared_memory" else ("static",)
+    for kind in kinds:
+        (tmp_path / "solid.nml").write_text(SOLID.format(kind=kind))
+        solid = [str(find_program("talus-fem")), "solid.nml"]
+        assert found_by_test(solid, transport=transport, facets="z1", group="all") == []
 
 
 def test_conformance_of_examples(tmp_path: Path) -> None:
