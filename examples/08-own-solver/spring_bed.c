@@ -5,7 +5,6 @@
 #include <stdio.h>
 #include <string.h>
 #include <talus_port.h>
-
 enum { NODES = 8, BASE = 4 };
 static double stiffness, accepted, trial; /* N/m, m, m */
 
@@ -16,9 +15,9 @@ static void describe(struct talus_port *port)
     static const int64_t node[NODES] = {1, 2, 3, 4, 5, 6, 7, 8};
     const char *what = talus_port_text(port, TALUS_FIELD_WHAT);
     const char *group = talus_port_has(port, TALUS_FIELD_GROUP) ? talus_port_text(port, TALUS_FIELD_GROUP) : "";
-    if (what && strcmp(what, TALUS_WHAT_MESH) == 0) {
+    if (what && strcmp(what, TALUS_WHAT_MESH) == 0)
         talus_port_put_mesh(port, TALUS_CELL_HEX8, NODES, x, 1, NODES, node);
-    } else if (what && group && strcmp(what, TALUS_WHAT_FACETS) == 0 && strcmp(group, "top") == 0) {
+    else if (what && group && strcmp(what, TALUS_WHAT_FACETS) == 0 && strcmp(group, "top") == 0) {
         talus_port_put_integer(port, TALUS_FIELD_KIND, TALUS_CELL_QUAD4);
         talus_port_put_integers(port, TALUS_FIELD_CONNECTIVITY, 4, 1, node + BASE);
     } else talus_port_fail(port, TALUS_STATUS_SYSTEM, "P301", "the bed has a mesh and facets 'top'", "DESCRIBE", "");
