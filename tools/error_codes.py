@@ -19,7 +19,7 @@ LISTS = {
 }
 IN_FORTRAN = re.compile(r"'([DINSPBW]\d{3})'")
 IN_C = re.compile(r'"([DINSPBW]\d{3})\b')
-IN_PYTHON = re.compile(r"\bE5\d\d\b")
+IN_PYTHON = re.compile(r"\bE[56]\d\d\b")
 ANY = re.compile(r"\b[A-Z]\d{3}\b")
 
 #: Codes without a failing deck, and why; those tested by a unit test are named with it.

@@ -10,6 +10,7 @@ from talus.commands import (
     checksum,
     compare,
     convert,
+    explain,
     fit,
     measure,
     mesh,
@@ -21,8 +22,10 @@ from talus.commands import (
 )
 from talus.faults import FaultError
 
-MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit)
-MODULES = (pack, mesh, check, plot, render, convert, report, measure, compare, checksum, port_test)
+MODULES = (
+    pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
+    explain,
+)  # fmt: skip
 
 
 def build_parser() -> Parser:
