@@ -10,6 +10,7 @@ from talus.commands import (
     checksum,
     compare,
     convert,
+    doctor,
     explain,
     fit,
     measure,
@@ -23,8 +24,9 @@ from talus.commands import (
 from talus.faults import FaultError
 
 MODULES = (
+MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain,
+    explain, doctor,
 )  # fmt: skip
 
 
