@@ -101,6 +101,15 @@ def of_package(name: str) -> Finding:
         return Finding(name, "is not installed", f"pip install {name}")
 
 
+def of_hdf5() -> Finding:
+    """Judge the HDF5 library of h5py by whether it loads."""
+    try:
+        import h5py
+    except ImportError as fault:
+        return Finding("HDF5", f"h5py does not load: {fault}", "pip install --force-reinstall h5py")
+    return Finding("HDF5", h5py.version.hdf5_version)
+
+
 def core_name() -> str:
     """Return the kernel that OpenBLAS takes in this process, empty without the library."""
     try:
@@ -131,4 +140,5 @@ def look_at(folder: Path) -> list[Finding]:
         of_space("disk", folder, DISK_BYTES),
         *(of_program(name) for name in PROGRAMS),
         *(of_package(name) for name in PACKAGES),
+        of_hdf5(),
     ]

@@ -1,5 +1,6 @@
 """`talus doctor`: faults of a machine are found, and each has a cure."""
 
+import sys
 from pathlib import Path
 
 import pytest
@@ -48,3 +49,10 @@ def test_missing_program(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Non
     """Name a program that is not where TALUS_BIN points."""
     monkeypatch.setenv("TALUS_BIN", str(tmp_path))
     assert "TALUS_BIN" in machine.of_program("talus-dem").cure
+
+
+def test_library_that_does_not_load(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Say so where h5py cannot be imported, and give the version where it can."""
+    assert machine.of_hdf5().seen[0].isdigit()
+    monkeypatch.setitem(sys.modules, "h5py", None)
+    assert machine.of_hdf5().cure
