@@ -24,7 +24,6 @@ from talus.commands import (
 from talus.faults import FaultError
 
 MODULES = (
-MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
     explain, doctor,
 )  # fmt: skip
