@@ -78,9 +78,9 @@ contains
 
     do k = 1, size(id)
       who = 'grain '//str(id(k))//': '
-      if (.not. all(is_finite([x(:, k), v(:, k), omega(:, k)]))) then
-        call few%add('I210', who//'position, velocity or spin is not a number: '// &
-                     str([x(:, k), v(:, k), omega(:, k)]), hint, errors)
+      if (.not. is_within([x(:, k), v(:, k), omega(:, k)])) then
+        call few%add('I210', who//'position, velocity or spin is not a number, or beyond all '// &
+                     'models: '//str([x(:, k), v(:, k), omega(:, k)]), hint, errors)
       end if
       if (.not. all(axes(:, k) > least_axis .and. axes(:, k) < 1.0_wp/least_axis)) then
         call few%add('I211', who//'semi-axes must be positive, got '//str(axes(:, k)), hint, errors)
@@ -100,6 +100,14 @@ contains
     end do
     call few%finish('grains', errors)
   end subroutine check_grains
+
+  !> Numbers whose squares and products stay numbers.
+  pure logical function is_within(values)
+    real(wp), intent(in) :: values(:)
+    real(wp), parameter :: most = 1.0e12_wp
+    is_within = all(is_finite(values))
+    if (is_within) is_within = all(abs(values) < most)
+  end function is_within
 
   !> A quaternion of length 1, to 5e-4; far from it nothing is squared.
   pure logical function is_unit(quat)

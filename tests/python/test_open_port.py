@@ -106,7 +106,7 @@ class Asker:
 def test_spring_bed_in_c(kind: str, tmp_path: Path) -> None:
     """A grain rebounds from the C partner as contact and spring in series demand."""
     case = ROOT / "verification/couple/port_partner"
-    build(ROOT / "examples/08-own-solver/spring_bed.c", tmp_path / "spring_bed", kind)
+    build(ROOT / "examples/12-own-solver/spring_bed.c", tmp_path / "spring_bed", kind)
     start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2 * RADIUS + 2.0e-5]])
     write_packing(
         tmp_path / "pack.h5", start, np.full((2, 3), RADIUS), kind=np.array([1, 0]),
@@ -199,7 +199,7 @@ def test_fields_are_views(tmp_path: Path) -> None:
 
 def test_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """A partner without a port, or without the library, says so."""
-    here = ROOT / "examples/08-own-solver"
+    here = ROOT / "examples/12-own-solver"
     done = subprocess.run([sys.executable, str(here / "elastic_block.py"),
                            str(ROOT / "verification/couple/own_solver/block.toml")],
                           capture_output=True, text=True)  # fmt: skip
@@ -213,10 +213,10 @@ def test_no_port(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         find_library()
 
 
-BLOCK = [sys.executable, str(ROOT / "examples/08-own-solver/elastic_block.py"),
+BLOCK = [sys.executable, str(ROOT / "examples/12-own-solver/elastic_block.py"),
          str(ROOT / "verification/couple/own_solver/block.toml")]  # fmt: skip
 FAULTY = f"""import sys, time, tomllib
-sys.path.insert(0, {str(ROOT / "examples/08-own-solver")!r})
+sys.path.insert(0, {str(ROOT / "examples/12-own-solver")!r})
 import numpy as np
 from elastic_block import Block
 from talus import port
@@ -299,7 +299,7 @@ def test_conformance_of_talus(transport: str, tmp_path: Path,
 
 def test_conformance_of_examples(tmp_path: Path) -> None:
     """The block in numpy and the plate in C do what the page says."""
-    binary = build(ROOT / "examples/08-own-solver/spring_bed.c", tmp_path / "spring_bed")
+    binary = build(ROOT / "examples/12-own-solver/spring_bed.c", tmp_path / "spring_bed")
     (tmp_path / "stiffness.txt").write_text("4e5\n")
     assert found_by_test([binary, str(tmp_path / "stiffness.txt")], facets="top") == []
     assert found_by_test(BLOCK, transport="hdf5", facets="z1") == []

@@ -9,7 +9,7 @@ from coupled import audit_of, write_deck
 
 from talus.verification import Case
 
-EXAMPLE = Path(__file__).parents[3] / "examples/08-own-solver/elastic_block.py"
+EXAMPLE = Path(__file__).parents[3] / "examples/12-own-solver/elastic_block.py"
 COLUMNS = ("force_on_solid_x", "force_on_solid_y", "force_on_solid_z")
 
 
