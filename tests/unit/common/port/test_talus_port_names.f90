@@ -19,7 +19,7 @@ program test_talus_port_names
   call test%check('roles have one number each', same .and. role_count == 5)
   call test%check_text('a role', role_name(role_surface), 'surface')
   call test%check('no role', role_number('surf') == 0 .and. role_number('') == 0)
-  call test%check_text('a verb', verb_name(verb_last), 'ABORT')
+  call test%check_text('a verb', verb_name(verb_last), 'RELAX')
   call test%check_text('no verb', verb_name(verb_first - 1), 'verb 0')
   call test%check_text('field of a set', dot_force, '.'//field_force)
   call test%check_text('a longer one', dot_moment_impulse, '.'//field_moment_impulse)
