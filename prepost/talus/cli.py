@@ -20,12 +20,13 @@ from talus.commands import (
     port_test,
     render,
     report,
+    study,
 )
 from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor,
+    explain, doctor, study,
 )  # fmt: skip
 
 
