@@ -83,7 +83,7 @@ def write_csv(path: Path, table: Table) -> None:
     writer.writerow(["point", *table.values, *table.results, "state", "exit_code", "seconds",
                      "message"])  # fmt: skip
     for k, number in enumerate(table.numbers):
-        numbers = [f"{x[k]:.12g}" for x in table.results.values()]
+        numbers = [repr(float(x[k])) for x in table.results.values()]
         values = [x[k] for x in table.values.values()]
         code = "" if table.exit_code[k] is None else table.exit_code[k]
         writer.writerow([number, *values, *numbers, table.state[k], code,
