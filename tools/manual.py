@@ -42,6 +42,7 @@ ORDER += [
     "moving-beds",
     "measures",
     "prepost",
+    "study",
     "theory-dem",
     "theory-fem",
     "theory-coupling",

@@ -75,6 +75,7 @@ def tornado(study: Study, table: Table, result: int, found: dict) -> object:
     order = sorted(found, key=lambda name: found[name][1] - found[name][0])
     fig, ax = new_figure(figsize=(6.4, 1.4 + 0.45 * len(found)))
     low, high = (np.array([found[name][k] for name in order]) for k in (0, 1))
+    ax.use_sticky_edges = False
     ax.barh(np.arange(len(order)), high - low, left=low, color=COLOURS[0])
     ax.axvline(table.results[one.name][0], color="black", lw=0.8)
     ax.set_yticks(np.arange(len(order)), [short(labels[name]) for name in order])
