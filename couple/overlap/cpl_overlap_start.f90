@@ -161,8 +161,8 @@ contains
     if (.not. polar) couple = 0.0_wp
   end subroutine point_stresses
 
-  !> SELECT all nodes and all micro-rotations, or one of each; which of them nothing holds. Hat
-  !! nodes follow the grains, whatever the solid's deck says.
+  !> SELECT all nodes and all micro-rotations, or one of each; which of them nothing holds.
+  !! Prescribed nodes follow the grains, whatever the solid's deck says.
   subroutine choose_nodes(o, solid, all, free, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid

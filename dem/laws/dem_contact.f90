@@ -113,7 +113,7 @@ contains
                b => pairs%body(:, pairs%second(lane, block)))
       branch = b(1:3) - a(1:3)
       overlap = pairs%history(lane, history_side, block)**2
-      point = (sqrt(a(10)) - share*overlap)/norm2(branch)*branch
+      point = (sqrt(a(10)) - share*overlap)/max(norm2(branch), tiny(1.0_wp))*branch
     end associate
   end function contact_point
 
