@@ -13,32 +13,33 @@ module talus_port_names
   public :: field_dt, field_early, field_element, field_error_code, field_error_hint
   public :: field_error_message, field_error_place, field_exponent, field_fields, field_final
   public :: field_force, field_gravity, field_group, field_hash, field_held, field_held_phi
-  public :: field_id, field_ids, field_impulse, field_inertia, field_iterations, field_kick
-  public :: field_kind, field_law, field_load, field_mass, field_mass_phi, field_mass_u
-  public :: field_material, field_mean, field_mean_force, field_mean_moment, field_micro_stress
-  public :: field_micromorphic, field_micropolar, field_moduli, field_moment
-  public :: field_moment_impulse, field_motion, field_moved, field_names, field_node
-  public :: field_node_phi, field_normal, field_omega, field_path, field_phi
-  public :: field_phi_acceleration, field_phi_rate, field_point, field_poisson, field_polar
-  public :: field_program, field_protocol, field_quat, field_radius, field_ranks, field_reaction
-  public :: field_reaction_moment, field_rehearsal, field_restart, field_role, field_run_id
-  public :: field_scalars, field_scope, field_set, field_skew, field_speed, field_speed_phi
-  public :: field_start, field_steady, field_step_limit, field_steps, field_stiffness
-  public :: field_stiffness_phi, field_stress, field_substeps, field_t_end, field_tag
-  public :: field_tangent, field_theta, field_time, field_tolerance, field_trial, field_triangle
-  public :: field_u, field_unbalanced, field_v, field_value, field_value_phi, field_version
-  public :: field_weight, field_weight_phi, field_what, field_work, field_x, field_young, dot_a
-  public :: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, dot_moment
-  public :: dot_moment_impulse, dot_omega, dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat
-  public :: dot_reaction, dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x
-  public :: what_grains, what_contacts, what_border, what_asleep, what_mesh, what_facets
-  public :: what_quadrature, what_moduli, what_groups, what_group, what_contact_weight, what_kind
-  public :: what_mass_factor, what_quad_weight, what_initial_stress, what_springs, what_dead_load
-  public :: scope_all, scope_interface, scope_balance, scope_loads, scope_split, scope_between
-  public :: can_report, can_prescribe, can_load, can_surface, can_border, can_advance, can_solve
-  public :: can_force, can_kick_drift, can_reject, can_checkpoint, can_rehearsal
-  public :: can_contact_weight, can_mass_factor, can_population, can_springs, can_dead_load
-  public :: can_initial_stress, can_quad_weight, can_moduli
+  public :: field_history, field_id, field_ids, field_impulse, field_inertia, field_iterations
+  public :: field_kick, field_kind, field_knots, field_law, field_load, field_mass
+  public :: field_mass_phi, field_mass_u, field_material, field_mean, field_mean_force
+  public :: field_mean_moment, field_micro_stress, field_micromorphic, field_micropolar
+  public :: field_moduli, field_moment, field_moment_impulse, field_motion, field_moved
+  public :: field_names, field_node, field_node_phi, field_normal, field_omega, field_path
+  public :: field_phi, field_phi_acceleration, field_phi_rate, field_point, field_poisson
+  public :: field_polar, field_program, field_protocol, field_quat, field_radius, field_ranks
+  public :: field_reaction, field_reaction_moment, field_rehearsal, field_restart, field_role
+  public :: field_run_id, field_scalars, field_scope, field_set, field_skew, field_speed
+  public :: field_speed_phi, field_start, field_steady, field_step_limit, field_steps
+  public :: field_stiffness, field_stiffness_phi, field_stress, field_stretch, field_substeps
+  public :: field_t_end, field_tag, field_tangent, field_theta, field_time, field_tolerance
+  public :: field_trial, field_triangle, field_turn, field_u, field_unbalanced, field_v
+  public :: field_value, field_value_phi, field_version, field_weight, field_weight_phi
+  public :: field_what, field_work, field_x, field_young, dot_a, dot_force, dot_impulse, dot_load
+  public :: dot_mean_force, dot_mean_moment, dot_moment, dot_moment_impulse, dot_omega, dot_phi
+  public :: dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction, dot_reaction_moment
+  public :: dot_theta, dot_u, dot_v, dot_work, dot_x, what_grains, what_contacts, what_border
+  public :: what_asleep, what_mesh, what_facets, what_quadrature, what_moduli, what_groups
+  public :: what_group, what_contact_weight, what_kind, what_mass_factor, what_quad_weight
+  public :: what_initial_stress, what_springs, what_dead_load, scope_all, scope_interface
+  public :: scope_balance, scope_loads, scope_split, scope_between, can_report, can_prescribe
+  public :: can_load, can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
+  public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
+  public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
+  public :: can_moduli
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -93,6 +94,7 @@ module talus_port_names
   character(len=*), parameter :: field_hash = 'hash'  !! CHECKPOINT
   character(len=*), parameter :: field_held = 'held'  !! SELECT
   character(len=*), parameter :: field_held_phi = 'held_phi'  !! SELECT
+  character(len=*), parameter :: field_history = 'history'  !! WAKE
   character(len=*), parameter :: field_id = 'id'  !! SELECT and 9 more
   character(len=*), parameter :: field_ids = 'ids'  !! WAKE, DESCRIBE contacts, SET contact_weight
   character(len=*), parameter :: field_impulse = 'impulse'
@@ -100,6 +102,7 @@ module talus_port_names
   character(len=*), parameter :: field_iterations = 'iterations'  !! READY, SOLVE
   character(len=*), parameter :: field_kick = 'kick'  !! KICK_DRIFT
   character(len=*), parameter :: field_kind = 'kind'  !! WAKE and 4 more
+  character(len=*), parameter :: field_knots = 'knots'  !! WAKE
   character(len=*), parameter :: field_law = 'law'  !! DESCRIBE moduli
   character(len=*), parameter :: field_load = 'load'
   character(len=*), parameter :: field_mass = 'mass'  !! SELECT, DESCRIBE grains
@@ -153,8 +156,9 @@ module talus_port_names
   !> SELECT, DESCRIBE contacts, SET springs
   character(len=*), parameter :: field_stiffness = 'stiffness'
   character(len=*), parameter :: field_stiffness_phi = 'stiffness_phi'  !! SELECT, SET springs
-  character(len=*), parameter :: field_stress = 'stress'  !! DESCRIBE quadrature
-  character(len=*), parameter :: field_substeps = 'substeps'  !! READY, ADVANCE, RELAX
+  character(len=*), parameter :: field_stress = 'stress'  !! WAKE, DESCRIBE quadrature
+  character(len=*), parameter :: field_stretch = 'stretch'  !! WAKE
+  character(len=*), parameter :: field_substeps = 'substeps'  !! READY and 3 more
   character(len=*), parameter :: field_t_end = 't_end'  !! HELLO
   character(len=*), parameter :: field_tag = 'tag'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_tangent = 'tangent'  !! DESCRIBE moduli
@@ -163,6 +167,7 @@ module talus_port_names
   character(len=*), parameter :: field_tolerance = 'tolerance'  !! RELAX
   character(len=*), parameter :: field_trial = 'trial'  !! SOLVE
   character(len=*), parameter :: field_triangle = 'triangle'  !! SELECT
+  character(len=*), parameter :: field_turn = 'turn'  !! WAKE
   character(len=*), parameter :: field_u = 'u'
   character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! RELAX
   character(len=*), parameter :: field_v = 'v'  !! WAKE

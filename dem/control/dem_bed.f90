@@ -3,32 +3,45 @@
 !!
 !! Copy (i, j, k) of the tile of N grains is number c = i + n_x (j + n_y k) of n_x n_y n_z; row r
 !! of it, from 1 in the order of the tile's ids, has the id r + N c and is at x_r + (i, j, k) edges.
+!! Grains may wake in the state of a history of stretch that a copy of the tile has gone through
+!! (dem_replay).
 !! eq. D.24
 module dem_bed
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use dem_ellipsoid, only: quaternion_product, rotation_of
   use dem_make, only: sorted_order
-  use dem_packed_contacts, only: row_of
   use dem_packing, only: dem_packing_type, read_packing
   use dem_records, only: index_of
+  use dem_replay, only: replays_type
   use dem_start_springs, only: start_springs_type
   use dem_state, only: dem_data_type, kind_free
+  use dem_system, only: dem_system_type
+  use dem_tile_contacts, only: tile_contacts_type, sort_contacts
   implicit none
   private
-  public :: dem_bed_type, order_rows
+  public :: dem_bed_type, waking_type, order_rows
+
+  !> How grains of the bed wake, by grain, where it is not as the tile is.
+  type :: waking_type
+    integer(i4), allocatable :: history(:)  !! number of a state of the tile, 0: as it is
+    real(wp), allocatable :: turn(:, :)     !! (4, n) rotation of the tile
+  end type waking_type
 
   type :: dem_bed_type
     logical :: active = .false.
     type(dem_packing_type) :: tile     !! rows in the order of their ids
     integer(i4) :: copies(3) = 1
-    integer(i4), allocatable :: row(:, :)  !! (2, contacts) of the tile
+    type(tile_contacts_type) :: contacts  !! of the tile
+    type(replays_type) :: replays
   contains
     procedure :: read => read_bed
     procedure :: list_asleep
     procedure :: fill => fill_batch
     procedure :: springs_of
+    procedure :: follow_histories
     procedure, private :: place_of
     procedure, private :: copy_of
     procedure, private :: id_of
@@ -43,7 +56,7 @@ contains
     logical, intent(in) :: served  !! a partner drives the run
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: copies(:)
-    integer(i4) :: before, c
+    integer(i4) :: before
 
     self%active = deck%count('tile') > 0
     if (.not. self%active) return
@@ -65,11 +78,8 @@ contains
                       'smaller bed')
     call order_rows(self%tile)
     self%tile%kind = kind_free
-    allocate (self%row(2, self%tile%springs%given))
-    do c = 1, self%tile%springs%given
-      self%row(:, c) = [row_of(self%tile%id, self%tile%springs%ids(1, c)), &
-                        row_of(self%tile%id, self%tile%springs%ids(2, c))]
-    end do
+    call sort_contacts(self%contacts, self%tile%id, self%tile%springs)
+    call self%replays%read(deck)
   end subroutine read_bed
 
   !> Grains of a packing in the order of their ids.
@@ -109,21 +119,60 @@ contains
     end do
   end subroutine list_asleep
 
-  !> What the tile knows of a batch's grains by their ids; places only where none are given.
-  subroutine fill_batch(self, batch, placed, turned)
+  !> What the tile knows of a batch's grains by their ids, in the state in which they wake; places
+  !! only where none are given.
+  subroutine fill_batch(self, batch, placed, turned, waking)
     class(dem_bed_type), intent(in) :: self
     type(dem_packing_type), intent(inout) :: batch
     logical, intent(in) :: placed, turned  !! with places, with orientations of their own
+    type(waking_type), intent(in) :: waking
+    real(wp) :: quat(4), offset(3)
     integer(i4) :: i, r
     do i = 1, batch%n
       r = 1 + int(mod(batch%id(i) - 1, int(self%tile%n, i8)), i4)
+      quat = self%tile%quat(:, r)
+      offset = 0.0_wp
+      if (waking%history(i) > 0) then
+        associate (state => self%replays%kept(waking%history(i)))
+          quat = state%quat(:, r)
+          offset = matmul(rotation_of(waking%turn(:, i)), state%offset(:, r))
+        end associate
+      end if
       if (.not. placed) batch%x(:, i) = self%place_of(batch%id(i))
-      if (.not. turned) batch%quat(:, i) = self%tile%quat(:, r)
+      batch%x(:, i) = batch%x(:, i) + offset
+      if (.not. turned) batch%quat(:, i) = quaternion_product(waking%turn(:, i), quat)
       batch%axes(:, i) = self%tile%axes(:, r)
       batch%skew(:, i) = self%tile%skew(:, r)
       batch%exponent(i) = self%tile%exponent(r)
     end do
   end subroutine fill_batch
+
+  !> States of the tile at the end of some histories, in their order; others are forgotten.
+  subroutine follow_histories(self, like, material, knots, stretch, steps, errors)
+    class(dem_bed_type), intent(inout) :: self
+    type(dem_system_type), intent(in) :: like
+    integer(i4), intent(in) :: material        !! of the grains
+    integer(i4), intent(in) :: knots(:)        !! of each history
+    real(wp), intent(in) :: stretch(:, :, :)   !! (3, 3, all knots)
+    integer(i4), intent(out) :: steps          !! taken for them
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: number(size(knots)), k, last
+    last = 0
+    steps = 0
+    do k = 1, size(knots)
+      associate (history => stretch(:, :, last + 1:last + knots(k)))
+        number(k) = self%replays%find(history)
+        if (number(k) == 0) then
+          call self%replays%follow(self%tile, like, material, history, errors)
+          if (errors%any()) return
+          number(k) = size(self%replays%kept)
+          steps = steps + self%replays%kept(number(k))%steps
+        end if
+      end associate
+      last = last + knots(k)
+    end do
+    self%replays%kept = self%replays%kept(number)
+  end subroutine follow_histories
 
   !> Where a grain sleeps [m].
   pure function place_of(self, id) result(x)
@@ -156,44 +205,77 @@ contains
   end function id_of
 
   !> Tangential forces of the tile's contacts between grains that wake (ids, rising) and those and
-  !! others that are awake.
-  subroutine springs_of(self, d, ids, springs)
+  !! others that are awake; of two that wake the state of the one with the lower id counts.
+  subroutine springs_of(self, d, ids, springs, waking)
     class(dem_bed_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
     integer(i8), intent(in) :: ids(:)
     type(start_springs_type), intent(inout) :: springs
-    integer(i4), allocatable :: contact(:), start(:)
-    integer(i4) :: k, m, c, r, end_of, most, shift(3)
-    integer(i8) :: other
+    type(waking_type), intent(in), optional :: waking  !! left out: as the tile is
+    real(wp) :: turn(3, 3)
+    integer(i4) :: k, m, before
 
-    call contacts_of_rows(self, start, contact)
-    most = 0
-    do k = 1, size(ids)
-      r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
-      most = most + start(r + 1) - start(r)
-    end do
-    allocate (springs%ids(2, most), springs%force(3, most))
     m = 0
+    allocate (springs%ids(2, 16*size(ids)), springs%force(3, 16*size(ids)))
     do k = 1, size(ids)
-      r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
-      do c = start(r), start(r + 1) - 1
-        associate (at => abs(contact(c)))
-          end_of = merge(1, 2, contact(c) > 0)  ! this grain is the first, or the second
-          shift = 0
-          if (allocated(self%tile%springs%shift)) shift = self%tile%springs%shift(:, at)
-          if (end_of == 2) shift = -shift
-          other = self%id_of(self%row(3 - end_of, at), self%copy_of(ids(k)) + shift)
-          if (.not. joins(d, ids, other, ids(k))) cycle
-          m = m + 1
-          springs%ids(:, m) = [ids(k), other]
-          springs%force(:, m) = merge(1.0_wp, -1.0_wp, end_of == 1)*self%tile%springs%force(:, at)
-        end associate
-      end do
+      if (.not. present(waking)) then
+        call add_springs(self, d, ids, k, self%contacts, springs, m)
+        cycle
+      end if
+      before = m
+      if (waking%history(k) > 0) then
+        call add_springs(self, d, ids, k, self%replays%kept(waking%history(k))%contacts, springs, m)
+      else
+        call add_springs(self, d, ids, k, self%contacts, springs, m)
+      end if
+      turn = rotation_of(waking%turn(:, k))
+      springs%force(:, before + 1:m) = matmul(turn, springs%force(:, before + 1:m))
     end do
     springs%ids = springs%ids(:, :m)
     springs%force = springs%force(:, :m)
     springs%given = m
   end subroutine springs_of
+
+  !> Contacts of the k-th of these grains in a state of the tile.
+  subroutine add_springs(self, d, ids, k, contacts, springs, m)
+    type(dem_bed_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i8), intent(in) :: ids(:)
+    integer(i4), intent(in) :: k
+    type(tile_contacts_type), intent(in) :: contacts
+    type(start_springs_type), intent(inout) :: springs
+    integer(i4), intent(inout) :: m  !! so far
+    integer(i4) :: c, r, end_of, shift(3)
+    integer(i8) :: other
+
+    r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
+    do c = contacts%start(r), contacts%start(r + 1) - 1
+      associate (at => abs(contacts%contact(c)))
+        end_of = merge(1, 2, contacts%contact(c) > 0)  ! this grain is the first, or the second
+        shift = merge(1, -1, end_of == 1)*contacts%shift(:, at)
+        other = self%id_of(contacts%row(3 - end_of, at), self%copy_of(ids(k)) + shift)
+        if (.not. joins(d, ids, other, ids(k))) cycle
+        m = m + 1
+        if (m > size(springs%ids, 2)) call more_room(springs)
+        springs%ids(:, m) = [ids(k), other]
+        springs%force(:, m) = merge(1.0_wp, -1.0_wp, end_of == 1)*contacts%force(:, at)
+      end associate
+    end do
+  end subroutine add_springs
+
+  !> Twice the room.
+  pure subroutine more_room(springs)
+    type(start_springs_type), intent(inout) :: springs
+    integer(i8), allocatable :: ids(:, :)
+    real(wp), allocatable :: force(:, :)
+    associate (n => size(springs%ids, 2))
+      allocate (ids(2, 2*n), force(3, 2*n))
+      ids(:, :n) = springs%ids
+      force(:, :n) = springs%force
+    end associate
+    call move_alloc(ids, springs%ids)
+    call move_alloc(force, springs%force)
+  end subroutine more_room
 
   !> Is the other one awake, or wakes and has the larger id, so that the pair comes once?
   pure logical function joins(d, ids, other, this)
@@ -216,28 +298,4 @@ contains
     end do
     joins = ids(low) == other
   end function joins
-
-  !> Contacts of each row, those in which it is the second with a minus.
-  subroutine contacts_of_rows(self, start, contact)
-    class(dem_bed_type), intent(in) :: self
-    integer(i4), allocatable, intent(out) :: start(:), contact(:)
-    integer(i4), allocatable :: fill(:)
-    integer(i4) :: c, r
-    allocate (start(self%tile%n + 1), source=0_i4)
-    do c = 1, size(self%row, 2)
-      start(self%row(:, c) + 1) = start(self%row(:, c) + 1) + 1
-    end do
-    start(1) = 1
-    do r = 1, self%tile%n
-      start(r + 1) = start(r + 1) + start(r)
-    end do
-    allocate (contact(start(self%tile%n + 1)))
-    fill = start
-    do c = 1, size(self%row, 2)
-      contact(fill(self%row(1, c))) = c
-      fill(self%row(1, c)) = fill(self%row(1, c)) + 1
-      contact(fill(self%row(2, c))) = -c
-      fill(self%row(2, c)) = fill(self%row(2, c)) + 1
-    end do
-  end subroutine contacts_of_rows
 end module dem_bed

@@ -4,14 +4,15 @@
 !! is by grain. Faults P265 to P268.
 module dem_port_population
   use talus_kinds, only: wp, i4, i8
-  use talus_text, only: str
+  use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_port_names, only: field_axes, field_exponent, field_force, field_id, field_ids, &
-    field_kind, field_material, field_moved, field_omega, field_quat, field_skew, &
-    field_step_limit, field_steps, field_substeps, field_tolerance, field_unbalanced, field_v, &
-    field_x
+    field_history, field_kind, field_knots, field_material, field_moved, field_omega, field_quat, &
+    field_skew, field_step_limit, field_steps, field_stress, field_stretch, field_substeps, &
+    field_tolerance, field_turn, field_unbalanced, field_v, field_x
   use talus_suggest, only: did_you_mean
+  use dem_bed, only: waking_type
   use dem_entry, only: size_batch, make_entering, check_ids
   use dem_model, only: dem_model_type
   use talus_serve, only: limit_told
@@ -34,17 +35,19 @@ contains
     type(dem_packing_type) :: batch
     type(dem_grains_type) :: entering
     type(start_springs_type) :: springs
+    type(waking_type) :: waking
     integer(i4) :: material
 
     call check_open(model, request, errors)
-    call take_batch(model, request, batch, errors)
-    if (.not. errors%any()) call take_springs(request, springs, errors)
     call take_material(model, request, material, errors)
+    if (.not. errors%any()) call take_waking(model, request, reply, material, waking, errors)
+    if (.not. errors%any()) call take_batch(model, request, waking, batch, errors)
+    if (.not. errors%any()) call take_springs(request, springs, errors)
     call request%all_read(errors)
     if (errors%any()) return
     call check_new(model, request, batch, errors)
     if (.not. request%has(field_axes) .and. .not. errors%any()) &
-      call model%bed%springs_of(model%system%dem_data_type, batch%id, springs)
+      call model%bed%springs_of(model%system%dem_data_type, batch%id, springs, waking)
     if (.not. errors%any()) call check_ids('the partner', batch, request%place(), errors)
     if (.not. errors%any()) call make_entering(batch, material, model%system, entering, errors)
     if (errors%any()) return
@@ -188,10 +191,63 @@ contains
                     'keeps to the grains of the start')
   end subroutine check_open
 
+  !> In which state of the tile the grains wake: histories are followed first (P266).
+  subroutine take_waking(model, request, reply, material, waking, errors)
+    type(dem_model_type), intent(inout) :: model
+    type(message_type), intent(inout) :: request, reply
+    integer(i4), intent(in) :: material
+    type(waking_type), intent(inout) :: waking
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    integer(i4), allocatable :: knots(:)
+    real(wp), allocatable :: stretch(:, :), stress(:, :)
+    integer(i4) :: k, steps
+
+    call request%take_int(field_id, ids, errors)
+    if (errors%any()) return
+    allocate (waking%history(size(ids)), source=0_i4)
+    allocate (waking%turn(4, size(ids)), source=0.0_wp)
+    waking%turn(1, :) = 1.0_wp
+    if (.not. model%bed%active) return
+    if (request%has(field_turn)) call request%get(field_turn, waking%turn, errors)
+    if (.not. request%has(field_history) .or. errors%any()) return
+    call request%take_int(field_history, waking%history, errors)
+    call request%take_int(field_knots, knots, errors)
+    call request%take(field_stretch, stretch, errors)
+    if (errors%any()) return
+    if (.not. are_histories(waking%history, size(ids), knots, stretch)) then
+      call errors%add('P266', 'histories of WAKE do not fit: '//str(size(knots))//' with '// &
+        str(sum(knots))//' knots, '//str(size(stretch, 2))//' stretches, numbers up to '// &
+        str(maxval(waking%history)), request%place(), 'one number for each grain, 0 or of a '// &
+        'history; one tensor of nine finite numbers near 1 for each knot')
+      return
+    end if
+    call model%timers%start('replays')
+    call model%bed%follow_histories(model%system, material, knots, &
+                                    reshape(stretch, [3, 3, size(stretch, 2)]), steps, errors)
+    call model%timers%stop('replays')
+    if (errors%any()) return
+    stress = reshape([(model%bed%replays%kept(k)%stress, k=1, size(knots))], [9, size(knots)])
+    call reply%put(field_stress, stress)
+    call reply%put_int(field_substeps, steps)
+  end subroutine take_waking
+
+  !> Do numbers of histories, of knots and stretches fit each other?
+  pure logical function are_histories(history, n, knots, stretch) result(fit)
+    integer(i4), intent(in) :: history(:), knots(:)
+    integer, intent(in) :: n  !! grains
+    real(wp), intent(in) :: stretch(:, :)
+    fit = size(history) == n .and. size(stretch, 1) == 9 .and. all(knots > 0)
+    if (fit) fit = sum(knots) == size(stretch, 2) .and. all(history >= 0) .and. &
+      all(history <= size(knots)) .and. all(is_finite(stretch))
+    if (fit) fit = all(abs(stretch) < 2.0_wp)
+  end function are_histories
+
   !> What enters; what is left out has its default.
-  subroutine take_batch(model, request, batch, errors)
+  subroutine take_batch(model, request, waking, batch, errors)
     type(dem_model_type), intent(in) :: model
     type(message_type), intent(inout) :: request
+    type(waking_type), intent(in) :: waking
     type(dem_packing_type), intent(inout) :: batch
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: ids(:)
@@ -212,13 +268,14 @@ contains
       if (errors%any()) return
       batch%kind = kind
     end if
+    if (request%has(field_x) .or. .not. model%bed%active) &
+      call request%get(field_x, batch%x, errors)
+    if (errors%any()) return
     if (model%bed%active .and. .not. request%has(field_axes)) then
-      call model%bed%fill(batch, request%has(field_x), request%has(field_quat))
+      call model%bed%fill(batch, request%has(field_x), request%has(field_quat), waking)
     else
       call request%get(field_axes, batch%axes, errors)
     end if
-    if (request%has(field_x) .or. .not. model%bed%active) &
-      call request%get(field_x, batch%x, errors)
     if (request%has(field_quat)) call request%get(field_quat, batch%quat, errors)
     if (request%has(field_skew)) call request%get(field_skew, batch%skew, errors)
     if (request%has(field_exponent)) call request%get(field_exponent, batch%exponent, errors)

@@ -1497,7 +1497,7 @@ contains
 
   subroutine group_tile(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('tile', 2, &
+    call table%add_group('tile', 5, &
       'A bed of copies of one periodic pack, the tile, laid side by side, most of whose' &
       //' grains sleep until a partner at the port wakes them; the grains of the packing ' &
       //'are those that are awake at the start, made by `talus pack edit --repeat` from ' &
@@ -1511,6 +1511,22 @@ contains
     call table%add_key('copies', 'integer', '', 'Copies along the edges of its cell.')
     call table%need()
     call table%sized(3_i4, 3_i4)
+    call table%bounds(min=1.0_wp)
+    call table%add_key('replay_inertial', 'real', '', &
+      'Inertial number at which a copy of the tile, in a periodic cell of its own, ' &
+      //'follows the strain that the continuum had where its grains wake (`&adapt birth =' &
+      //' ''replay''`).')
+    call table%preset('0.0026')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('replay_unbalanced', 'real', '', &
+      'Mean force left on a grain over the mean force of a contact at which that copy ' &
+      //'is at rest.')
+    call table%preset('0.001')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('replay_steps', 'integer', '', 'Most steps until it is (N241).')
+    call table%preset('20000')
     call table%bounds(min=1.0_wp)
   end subroutine group_tile
 

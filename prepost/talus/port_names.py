@@ -127,6 +127,7 @@ class Field:
     HASH = "hash"
     HELD = "held"
     HELD_PHI = "held_phi"
+    HISTORY = "history"
     ID = "id"
     IDS = "ids"
     IMPULSE = "impulse"
@@ -134,6 +135,7 @@ class Field:
     ITERATIONS = "iterations"
     KICK = "kick"
     KIND = "kind"
+    KNOTS = "knots"
     LAW = "law"
     LOAD = "load"
     MASS = "mass"
@@ -187,6 +189,7 @@ class Field:
     STIFFNESS = "stiffness"
     STIFFNESS_PHI = "stiffness_phi"
     STRESS = "stress"
+    STRETCH = "stretch"
     SUBSTEPS = "substeps"
     T_END = "t_end"
     TAG = "tag"
@@ -196,6 +199,7 @@ class Field:
     TOLERANCE = "tolerance"
     TRIAL = "trial"
     TRIANGLE = "triangle"
+    TURN = "turn"
     U = "u"
     UNBALANCED = "unbalanced"
     V = "v"
@@ -278,6 +282,10 @@ REQUESTS = {
         ("omega", "real", "(3, given)", "both", False),
         ("ids", "integer", "(2, contacts)", "both", False),
         ("force", "real", "(3, contacts)", "both", False),
+        ("turn", "real", "(4, given)", "both", False),
+        ("history", "integer", "(given)", "both", False),
+        ("knots", "integer", "(histories)", "both", False),
+        ("stretch", "real", "(9, knots)", "both", False),
     ),
     "SLEEP": (
         ("id", "integer", "(given)", "both", True),
@@ -392,6 +400,8 @@ REPLIES = {
     "ABORT": (),
     "WAKE": (
         ("step_limit", "real", "(1)", "both", True),
+        ("stress", "real", "(9, histories)", "both", False),
+        ("substeps", "integer", "(1)", "both", False),
     ),
     "SLEEP": (
         ("step_limit", "real", "(1)", "both", True),
