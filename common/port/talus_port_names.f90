@@ -20,14 +20,14 @@ module talus_port_names
   public :: field_moduli, field_moment, field_moment_impulse, field_motion, field_moved
   public :: field_names, field_node, field_node_phi, field_normal, field_omega, field_path
   public :: field_phi, field_phi_acceleration, field_phi_rate, field_point, field_poisson
-  public :: field_polar, field_program, field_protocol, field_quat, field_radius, field_ranks
-  public :: field_reaction, field_reaction_moment, field_rehearsal, field_restart, field_role
-  public :: field_run_id, field_scalars, field_scope, field_set, field_skew, field_speed
-  public :: field_speed_phi, field_start, field_steady, field_step_limit, field_steps
-  public :: field_stiffness, field_stiffness_phi, field_stress, field_stretch, field_substeps
-  public :: field_t_end, field_tag, field_tangent, field_theta, field_time, field_tolerance
-  public :: field_trial, field_triangle, field_turn, field_u, field_unbalanced, field_v
-  public :: field_value, field_value_phi, field_version, field_weight, field_weight_phi
+  public :: field_polar, field_pressure, field_program, field_protocol, field_quat, field_radius
+  public :: field_ranks, field_reaction, field_reaction_moment, field_rehearsal, field_restart
+  public :: field_role, field_run_id, field_scalars, field_scope, field_set, field_skew
+  public :: field_speed, field_speed_phi, field_start, field_steady, field_step_limit
+  public :: field_steps, field_stiffness, field_stiffness_phi, field_stress, field_stretch
+  public :: field_substeps, field_t_end, field_tag, field_tangent, field_theta, field_time
+  public :: field_tolerance, field_trial, field_triangle, field_turn, field_u, field_unbalanced
+  public :: field_v, field_value, field_value_phi, field_version, field_weight, field_weight_phi
   public :: field_what, field_work, field_x, field_young, dot_a, dot_force, dot_impulse, dot_load
   public :: dot_mean_force, dot_mean_moment, dot_moment, dot_moment_impulse, dot_omega, dot_phi
   public :: dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction, dot_reaction_moment
@@ -132,6 +132,7 @@ module talus_port_names
   character(len=*), parameter :: field_point = 'point'  !! DESCRIBE contacts
   character(len=*), parameter :: field_poisson = 'poisson'  !! SET moduli
   character(len=*), parameter :: field_polar = 'polar'  !! DESCRIBE mesh
+  character(len=*), parameter :: field_pressure = 'pressure'  !! WAKE
   character(len=*), parameter :: field_program = 'program'  !! HELLO
   character(len=*), parameter :: field_protocol = 'protocol'  !! HELLO
   character(len=*), parameter :: field_quat = 'quat'  !! WAKE, DESCRIBE grains

@@ -229,6 +229,7 @@ enum talus_scalar {
 #define TALUS_FIELD_POINT "point"
 #define TALUS_FIELD_POISSON "poisson"
 #define TALUS_FIELD_POLAR "polar"
+#define TALUS_FIELD_PRESSURE "pressure"
 #define TALUS_FIELD_PROGRAM "program"
 #define TALUS_FIELD_PROTOCOL "protocol"
 #define TALUS_FIELD_QUAT "quat"

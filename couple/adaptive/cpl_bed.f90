@@ -4,12 +4,14 @@ module cpl_bed
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
-  use talus_port_names, only: field_id, field_kind, field_moved, field_steps, field_substeps, &
-    field_tolerance, field_unbalanced, field_v, field_what, field_x, what_asleep, what_grains, &
-    what_kind
+  use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_moved, &
+    field_omega, field_pressure, field_steps, field_stress, field_stretch, field_substeps, &
+    field_tolerance, field_turn, field_unbalanced, field_v, field_what, field_x, what_asleep, &
+    what_grains, what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_cells, only: cells_type, spot_type
+  use cpl_histories, only: histories_type, request_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type
   use cpl_roles, only: roles_type
@@ -20,10 +22,15 @@ module cpl_bed
   public :: bed_type, change_type
 
   integer(i4), parameter :: free = 0, ghost = 3  !! kinds at the port
+  integer(i4), parameter :: none = -1, gone = -2
 
   !> What a conversion has done.
   type :: change_type
     integer(i4) :: woken = 0, freed = 0, slept = 0, awake = 0  !! grains
+    integer(i4) :: replays = 0, replay_steps = 0  !! histories that the tile went through
+    real(wp) :: pressure = 0.0_wp                 !! of the tile at rest [Pa]
+    real(wp), allocatable :: stress(:, :)         !! (9, replays) that it has more after them [Pa]
+    integer(i4), allocatable :: element(:)        !! (replays) that they are of
     integer(i4) :: steps = 0           !! to rest
     real(wp) :: unbalanced = 0.0_wp    !! at the end of them [-]
     real(wp) :: moved = 0.0_wp         !! by them, at most [m]
@@ -33,13 +40,17 @@ module cpl_bed
     integer(i8), allocatable :: id(:)       !! of grains that sleep
     real(wp), allocatable :: x(:, :)        !! where, (3, n) [m]
     type(spot_type), allocatable :: spot(:)  !! in the mesh at rest
+    integer(i4), allocatable :: kind(:)     !! with which it wakes at once, none: of its element
     type(change_type) :: change             !! of the last conversion
+    type(histories_type) :: histories       !! of the elements
+    type(cells_type) :: cells               !! the mesh at rest
   contains
     procedure :: read => read_bed
     procedure :: begin => fit_to_parts
     procedure :: forget
     procedure :: convert
     procedure :: leave_behind
+    procedure, private :: lie_down
     procedure, private :: wake
     procedure, private :: rest
     procedure, private :: sleep
@@ -63,6 +74,7 @@ contains
     if (errors%any()) return
     if (allocated(self%spot)) deallocate (self%spot)
     allocate (self%spot(size(self%id)))
+    self%kind = spread(none, 1, size(self%id))
     rank = 0
     do k = 1, size(self%spot)
       call cells%find(self%x(:, k), rank, self%spot(k))
@@ -93,6 +105,7 @@ contains
     integer(i4) :: k
     self%id = pack(self%id, .not. gone)
     self%spot = pack(self%spot, .not. gone)
+    self%kind = pack(self%kind, .not. gone)
     self%x = self%x(:, pack([(k, k=1, size(gone))], .not. gone))
   end subroutine drop
 
@@ -143,11 +156,12 @@ contains
     type(carried_type), intent(in) :: carried     !! motion of all nodes
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    logical :: freed(o%op%ghosts)
+    logical :: freed(o%op%ghosts), again(o%op%ghosts)
     integer(i8), allocatable :: ids(:)
     integer(i4) :: k
 
     self%change = change_type()
+    again = .false.
     do k = 1, o%op%ghosts
       associate (part => roles%part(o%sets%ghost_spot(k)%element))
         freed(k) = part == part_none .or. part == part_free
@@ -155,13 +169,74 @@ contains
     end do
     ids = pack(o%pack%id(o%sets%ghost), freed)
     self%change%freed = size(ids)
-    if (size(ids) > 0) call send_kinds(grains, ids, free, timers, errors)
+    if (self%histories%active) then
+      call self%histories%close(o%cells, carried%u, carried%part == part_ghost)
+      call choose_again(self, o, freed, again)
+      if (any(again)) call self%lie_down(grains, pack(o%pack%id(o%sets%ghost), again), &
+        pack(merge(free, ghost, freed), again), timers, errors)
+      self%change%woken = -count(again)
+    end if
+    if (any(freed .and. .not. again) .and. .not. errors%any()) &
+      call send_kinds(grains, pack(o%pack%id(o%sets%ghost), freed .and. .not. again), free, &
+                      timers, errors)
     if (errors%any()) return
     call self%wake(grains, roles, o%cells, carried, timers, errors)
     if (errors%any()) return
     self%change%awake = size(o%pack%id) + self%change%woken
     if (roles%rest_steps > 0) call self%rest(o, grains, roles, ids, timers, errors)
   end subroutine convert
+
+  !> Ghosts that lie down, to wake in the state of their history: those that become free, and those
+  !! that may touch them.
+  subroutine choose_again(self, o, freed, again)
+    class(bed_type), intent(in) :: self
+    type(overlap_type), intent(in) :: o
+    logical, intent(in) :: freed(:)      !! (ghosts)
+    logical, intent(inout) :: again(:)   !! (ghosts)
+    real(wp) :: x(3, size(freed))
+    integer(i4) :: k, g
+
+    x = o%map%x_ghost + o%motion%d
+    again = freed
+    do k = 1, size(freed)
+      if (freed(k)) cycle
+      do g = 1, size(freed)
+        if (.not. freed(g)) cycle
+        again(k) = sum((x(:, k) - x(:, g))**2) <= o%sets%d_max**2
+        if (again(k)) exit
+      end do
+    end do
+    do k = 1, size(freed)
+      associate (e => o%sets%ghost_spot(k)%element)
+        if (again(k)) again(k) = self%histories%is_strained(e)
+      end associate
+    end do
+  end subroutine choose_again
+
+  !> Ghosts fall asleep and stand in the list as those that always did, but wake at once.
+  subroutine lie_down(self, grains, ids, kind, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    integer(i8), intent(in) :: ids(:)
+    integer(i4), intent(in) :: kind(:)  !! with which they wake
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(bed_type) :: all
+    integer(i4), allocatable :: waking(:)
+
+    call self%sleep(grains, ids, timers, errors)
+    if (.not. errors%any()) call all%read(grains, self%cells, timers, errors)
+    if (errors%any()) return
+    allocate (waking(maxval(all%id)), source=gone)
+    waking(self%id) = none
+    waking(ids) = kind
+    all%kind = waking(all%id)
+    call drop(all, all%kind == gone)
+    call move_alloc(all%id, self%id)
+    call move_alloc(all%x, self%x)
+    call move_alloc(all%spot, self%spot)
+    call move_alloc(all%kind, self%kind)
+  end subroutine lie_down
 
   !> Grains far behind the body leave, a layer before them is held: by their places now.
   subroutine leave_behind(self, grains, roles, timers, errors)
@@ -210,10 +285,10 @@ contains
     do k = 1, size(waking)
       e = self%spot(k)%element
       waking(k) = e > 0
-      if (waking(k)) waking(k) = roles%part(e) /= part_rest
+      if (waking(k)) waking(k) = roles%part(e) /= part_rest .or. self%kind(k) /= none
     end do
     at = pack([(k, k=1, size(waking))], waking)
-    self%change%woken = size(at)
+    self%change%woken = self%change%woken + size(at)
     if (size(at) == 0) return
     allocate (x(3, size(at)), speed(3, size(at)), kind(size(at)))
     do k = 1, size(at)
@@ -225,6 +300,7 @@ contains
           speed(:, k) = matmul(carried%v(:, node), spot%weight(:n))
         end associate
         kind(k) = merge(ghost, free, roles%part(e) == part_ghost)
+        if (self%kind(at(k)) /= none) kind(k) = self%kind(at(k))
       end associate
     end do
     call grains%start_request(verb_wake, 0_i8, grains%time, grains%time)
@@ -232,10 +308,40 @@ contains
     call grains%request%put_int(field_kind, kind)
     call grains%request%put(field_x, x)
     call grains%request%put(field_v, speed)
+    if (self%histories%active) &
+      call put_histories(self, grains, cells, carried, [(self%spot(at(k))%element, k=1, size(at))])
     call grains%ask(timers, errors)
     if (errors%any()) return
     call drop(self, waking)
+    if (.not. grains%reply%has(field_stress)) return
+    call grains%reply%take(field_stress, self%change%stress, errors)
+    call grains%reply%get(field_pressure, self%change%pressure, errors)
+    call grains%reply%get_int(field_substeps, self%change%replay_steps, errors)
   end subroutine wake
+
+  !> Histories of the elements in which grains wake, their rotations and spins.
+  subroutine put_histories(self, grains, cells, carried, element)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    type(cells_type), intent(in) :: cells
+    type(carried_type), intent(in) :: carried
+    integer(i4), intent(in) :: element(:)  !! (grains that wake)
+    type(request_type) :: request
+    logical :: chosen(cells%elements)
+
+    chosen = .false.
+    chosen(element) = .true.
+    call self%histories%close(cells, carried%u, chosen)
+    call self%histories%ask(cells, carried%u, carried%v, chosen, request)
+    call grains%request%put(field_turn, request%turn(:, element))
+    call grains%request%put(field_omega, request%spin(:, element))
+    self%change%replays = size(request%knots)
+    self%change%element = request%element
+    if (self%change%replays == 0) return
+    call grains%request%put_int(field_history, request%number(element))
+    call grains%request%put_int(field_knots, request%knots)
+    call grains%request%put(field_stretch, request%stretch)
+  end subroutine put_histories
 
   !> RELAX the new free grains and free ones that are near to them.
   subroutine rest(self, o, grains, roles, fresh, timers, errors)

@@ -31,6 +31,8 @@ module cpl_roles
     real(wp) :: unbalanced = 2.0e-4_wp  !! at which they are at rest
     integer(i4) :: most_grains = 0      !! awake
     real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
+    real(wp) :: most_gap = 0.5_wp       !! of the stress of tile and element, over the pressure
+    logical :: replay = .false.         !! grains wake after the history of their element
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
     real(wp), allocatable :: reach(:)         !! from there backwards along the way [m]
@@ -55,6 +57,7 @@ contains
     type(cpl_choices_type), intent(in) :: choices
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: vector(:)
+    character(len=:), allocatable :: birth
     real(wp) :: every
 
     call deck%get('adapt', 1, 'centre', vector)
@@ -71,6 +74,9 @@ contains
     call deck%get('adapt', 1, 'rest_reach', self%rest_reach)
     call deck%get('adapt', 1, 'unbalanced', self%unbalanced)
     call deck%get('adapt', 1, 'most_grains', self%most_grains)
+    call deck%get('adapt', 1, 'birth', birth)
+    call deck%get('adapt', 1, 'most_gap', self%most_gap)
+    self%replay = birth == 'replay'
     call deck%get('adapt', 1, 'keep_behind', self%keep_behind)
     call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
     self%every = max(1_i8, nint(every/choices%exchange, i8))

@@ -17,14 +17,15 @@ module cpl_adaptive_scale
   use cpl_bed, only: bed_type, change_type
   use cpl_bridging_scale, only: bridging_scale_type
   use cpl_choices, only: cpl_choices_type
+  use cpl_gap, only: find_gap
   use cpl_overlap, only: overlap_type
-  use cpl_overlap_carry, only: carried_type, carry_from
+  use cpl_overlap_carry, only: carried_type, carry_from, carry_motion
   use cpl_overlap_file, only: read_overlap_reference
   use cpl_overlap_limit, only: kick_watch_type
   use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
   use cpl_roles, only: roles_type
   use cpl_run, only: cpl_run_type
-  use cpl_sets, only: part_none, part_ghost, part_free
+  use cpl_sets, only: part_none, part_rest, part_ghost, part_free
   use cpl_solver, only: side_grains, side_solid
   implicit none
   private
@@ -32,9 +33,9 @@ module cpl_adaptive_scale
 
   real(wp), parameter :: far = 1.0e6_wp  !! [m] where no node is
 
-  character(len=17), parameter :: columns(15) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=17), parameter :: columns(18) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
-    'rest_steps [-]', &
+    'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
     'momentum [kg m/s]']
 
@@ -43,6 +44,7 @@ module cpl_adaptive_scale
     type(bed_type) :: bed
     integer(i8) :: conversions = 0
     real(wp) :: energy = 0.0_wp        !! that conversions have brought [J]
+    real(wp) :: gap = 0.0_wp           !! of the stress where grains woke, over the tile's mean [-]
     type(history_type) :: history
   contains
     procedure :: check
@@ -86,6 +88,9 @@ contains
         'deformations of its own', run%solvers(side_solid)%deck, 'grains follow a body in '// &
         'classical solids: elastic, Drucker-Prager or Cam-clay')
       if (errors%any()) return
+      self%bed%histories%active = self%roles%replay
+      call self%bed%histories%begin(plain%cells)
+      self%bed%cells = plain%cells
       if (run%again) then
         call read_overlap_reference(run%checkpoint, run%state, reference, errors)
         if (.not. errors%any()) call read_parts(self, run, errors)
@@ -131,6 +136,7 @@ contains
       if (.not. all(abs(self%o%map%base) < far)) call errors%add('I404', "'"//file%path// &
         "': /adapt/base is no displacement", file%path//':/adapt/base', 'use an older checkpoint')
     end if
+    call self%bed%histories%get(file, errors)
     if (any(self%roles%part < part_none .or. self%roles%part > part_free)) &
       call errors%add('I404', "'"//file%path//"': /adapt/part names parts that there are not", &
                       file%path//':/adapt/part', 'use an older checkpoint')
@@ -161,10 +167,24 @@ contains
     if (errors%any() .or. .not. self%roles%is_due(self%step)) return
     if (self%step >= run%choices%exchanges) return
     call self%roles%plan(self%o%cells, t1, spell(self, run), part)
-    if (all(part == self%roles%part)) return
+    if (self%roles%replay) call note_strain(self, run, t1, errors)
+    if (all(part == self%roles%part) .or. errors%any()) return
     call move_alloc(part, self%roles%part)
     call self%convert(run, t1, errors)
   end subroutine after
+
+  !> What the elements have gone through.
+  subroutine note_strain(self, run, t1, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t1  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    type(carried_type) :: carried
+    run%solvers%time = t1
+    call carry_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
+    if (.not. errors%any()) call self%bed%histories%note(self%o%cells, carried%u, &
+      carried%part == part_rest .or. carried%part == part_ghost)
+  end subroutine note_strain
 
   !> Elements are opened: who wakes, who is free, and the overlap made anew.
   subroutine convert(self, run, t1, errors)
@@ -184,6 +204,8 @@ contains
     if (.not. errors%any()) call self%bed%leave_behind(run%solvers(side_grains), self%roles, &
                                                        run%timers, errors)
     if (.not. errors%any()) call check_awake(self, t1, errors)
+    if (.not. errors%any()) call find_gap(run%solvers(side_solid), self%bed%change, &
+                                          self%roles%most_gap, run%timers, self%gap, errors)
     if (.not. errors%any()) call renew(self, run, carried, errors)
     call run%timers%stop('conversions')
     if (errors%any()) return
@@ -195,10 +217,21 @@ contains
                                 norm2(change(3:))], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
         str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
-        ' are awake')
+        ' are awake'//replays_text(told, self%gap))
     end associate
     call renew_watch(self, run, errors)
   end subroutine convert
+
+  !> Of replays, if there were any.
+  pure function replays_text(change, gap) result(text)
+    type(change_type), intent(in) :: change
+    real(wp), intent(in) :: gap
+    character(len=:), allocatable :: text
+    text = ''
+    if (change%replays > 0) text = '; '//str(change%replays)//' replays of '// &
+      str(change%replay_steps)//' steps, stress of tile and continuum differ by '// &
+      short_number(gap)//' of the pressure'
+  end function replays_text
 
   !> N463: more grains are awake than the deck allows.
   subroutine check_awake(self, t1, errors)
@@ -267,8 +300,8 @@ contains
       call self%history%write([time, real(count(part == part_free .or. part == part_none), wp), &
         real(count(part == part_none), wp), real(count(part == part_ghost), wp), &
         real(change%woken, wp), real(change%freed, wp), real(change%slept, wp), &
-        real(change%awake, wp), &
-        real(change%steps, wp), change%unbalanced, change%moved, numbers], errors)
+        real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
+        self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note
@@ -297,6 +330,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call file%put('/adapt/part', self%roles%part, errors)
     if (allocated(self%o%map%base)) call file%put('/adapt/base', self%o%map%base, errors)
+    call self%bed%histories%put(file, errors)
     call self%o%ledger%put_bond(file, errors)
     call file%put('/adapt/numbers', [real(self%conversions, wp), self%energy], errors)
   end subroutine put_own

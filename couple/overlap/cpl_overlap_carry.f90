@@ -12,7 +12,7 @@ module cpl_overlap_carry
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: carried_type, carry_from, hold_difference
+  public :: carried_type, carry_from, carry_motion, hold_difference
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
   integer(i4), parameter :: was_bulk = 0, was_edge = 1, was_prescribed = 2
@@ -37,6 +37,32 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k, a
 
+    call carry_motion(o, solid, carried, timers, errors)
+    if (errors%any()) return
+    call solid%start_request(verb_force, o%step, solid%time, solid%time)
+    call solid%request%put_text(field_scope, scope_balance)
+    call solid%request%put_int(field_brief, 1_i4)
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%get(all_nodes//dot_force, carried%total, errors)
+    call select_nodes(o, solid, [1_i8], timers, errors)
+    do k = 1, o%op%nodes
+      a = o%op%node(k)
+      carried%was(a) = merge(was_prescribed, was_edge, k <= o%op%prescribed)
+      carried%total(:, a) = o%forces%f(:, k)
+      if (k > o%op%prescribed) carried%total(:, a) = carried%total(:, a) + o%forces%bulk(:, k)
+    end do
+  end subroutine carry_from
+
+  !> Motion of all nodes at an accepted exchange; all nodes are selected then.
+  subroutine carry_motion(o, solid, carried, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(carried_type), intent(out) :: carried
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k, a
+
     allocate (carried%u(3, o%cells%nodes), carried%v(3, o%cells%nodes), &
               carried%total(3, o%cells%nodes), source=0.0_wp)
     allocate (carried%was(o%cells%nodes), source=was_bulk)
@@ -50,23 +76,13 @@ contains
     if (errors%any()) return
     call solid%reply%get(all_nodes//dot_u, carried%u, errors)
     call solid%reply%get(all_nodes//dot_v, carried%v, errors)
-    call solid%start_request(verb_force, o%step, solid%time, solid%time)
-    call solid%request%put_text(field_scope, scope_balance)
-    call solid%request%put_int(field_brief, 1_i4)
-    call solid%ask(timers, errors)
-    if (errors%any()) return
-    call solid%reply%get(all_nodes//dot_force, carried%total, errors)
-    call select_nodes(o, solid, [1_i8], timers, errors)
     do k = 1, o%op%nodes
       a = o%op%node(k)
-      carried%was(a) = merge(was_prescribed, was_edge, k <= o%op%prescribed)
       carried%u(:, a) = o%motion%u(:, k)
       if (allocated(o%map%base)) carried%u(:, a) = carried%u(:, a) + o%map%base(:, a)
       carried%v(:, a) = o%motion%v(:, k)
-      carried%total(:, a) = o%forces%f(:, k)
-      if (k > o%op%prescribed) carried%total(:, a) = carried%total(:, a) + o%forces%bulk(:, k)
     end do
-  end subroutine carry_from
+  end subroutine carry_motion
 
   subroutine select_nodes(o, solid, ids, timers, errors)
     type(overlap_type), intent(in) :: o

@@ -253,7 +253,7 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 13, &
+    call table%add_group('adapt', 15, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
@@ -317,6 +317,19 @@ contains
       'Mean force left on a grain over the mean force of a contact at which they are at' &
       //' rest.')
     call table%preset('0.0002')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('birth', 'string', '', &
+      'How grains wake: `''tile''` as they are in the tile, moved with the nodes, where ' &
+      //'the front is still; `''replay''` as a copy of the tile is that went through the ' &
+      //'strain of their element (`&tile replay_inertial`): the tile is periodic in all ' &
+      //'directions.')
+    call table%preset('tile')
+    call table%allow('tile|replay')
+    call table%add_key('most_gap', 'real', '', &
+      'Largest difference of a component of the stress of tile and continuum after the ' &
+      //'same strain, over the pressure of the tile (N462, with `''replay''`).')
+    call table%preset('0.5')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('keep_behind', 'real', 'm', &

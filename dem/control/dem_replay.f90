@@ -28,6 +28,9 @@ module dem_replay
   public :: replay_type, replays_type
 
   integer(i4), parameter :: block = 20  !! steps between two checks
+  !> Background damping times d sqrt(rho/p): it bears as much of a contact's force as the inertial
+  !! number says, and loose grains stay put.
+  real(wp), parameter :: calm = 2.0_wp
   real(wp), parameter :: unit(3, 3) = reshape([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, 0.0_wp, &
                                                0.0_wp, 0.0_wp, 1.0_wp], [3, 3])
 
@@ -38,7 +41,7 @@ module dem_replay
     real(wp), allocatable :: offset(:, :)          !! (3, rows) w [m]
     real(wp), allocatable :: quat(:, :)            !! (4, rows)
     type(tile_contacts_type) :: contacts
-    real(wp) :: stress(3, 3) = 0.0_wp              !! [Pa]
+    real(wp) :: stress(3, 3) = 0.0_wp              !! more than the tile's [Pa]
     integer(i4) :: steps = 0                       !! taken for it, with its rest
     real(wp) :: unbalanced = 0.0_wp                !! at the end [-]
   end type replay_type
@@ -47,6 +50,7 @@ module dem_replay
     real(wp) :: inertial = 0.0_wp      !! number at which the tile is strained [-]
     real(wp) :: tolerance = 0.0_wp     !! mean force left over mean contact force at rest [-]
     integer(i4) :: most_steps = 0      !! to rest
+    real(wp) :: stress(3, 3) = 0.0_wp  !! of the tile [Pa]
     type(replay_type), allocatable :: kept(:)
   contains
     procedure :: read => read_replays
@@ -87,13 +91,16 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(dem_system_type), allocatable :: system
     type(replay_type) :: replay
-    real(wp) :: rate
+    real(wp) :: rate, fall
     integer(i4) :: k, from
 
     allocate (system)
     call fill_cell(system, tile, like, material, errors)
     if (errors%any()) return
-    rate = self%inertial/time_of_fall(system)
+    self%stress = stress_in(system)
+    fall = time_of_fall(system)
+    rate = self%inertial/fall
+    system%par%damping = calm/fall
     from = 0
     k = self%longest_start(knot)
     if (k > 0) then
@@ -113,11 +120,13 @@ contains
     if (errors%any() .or. replay%unbalanced > self%tolerance) then
       call errors%add('N241', 'the tile does not come to rest at the end of a history of '// &
         str(size(knot, 3))//' knots, at strains of '//strain_text(knot)//': '// &
-        short_number(replay%unbalanced)//' of the contact force is left after '//str(replay%steps)// &
-        ' steps', 'WAKE', 'a smaller replay_inertial, more replay_steps; a tile that is not '// &
-        'periodic in all directions, or has yielded, cannot follow')
+        short_number(replay%unbalanced)//' of the contact force is left after '// &
+        str(replay%steps)//' steps', 'WAKE', 'a smaller replay_inertial, more '// &
+        'replay_steps; a tile that is not periodic in all directions cannot follow, nor one '// &
+        'that has yielded')
       return
     end if
+    replay%stress = stress_in(system) - self%stress
     call read_state(system, tile, replay)
     self%kept = [self%kept, replay]
   end subroutine follow
@@ -174,9 +183,9 @@ contains
     if (errors%any()) return
     call set_cell(system%cell, tile%cell_origin, tile%cell, [.true., .true., .true.])
     if (least_width(system%cell) < 4.0_wp*maxval(system%grains%radius)) then
-      call errors%add('N241', 'the tile is '//short_number(least_width(system%cell))//' m wide, '// &
-                      'less than two ranges of its grains: it cannot be strained alone', 'WAKE', &
-                      'a larger tile with more grains')
+      call errors%add('N241', 'the tile is '//short_number(least_width(system%cell))// &
+                      ' m wide, less than two ranges of its grains: it cannot be '// &
+                      'strained alone', 'WAKE', 'a larger tile with more grains')
       return
     end if
     system%springs = tile%springs
@@ -188,8 +197,8 @@ contains
   !> d sqrt(rho/p): the inertial number over the rate of strain [s].
   real(wp) function time_of_fall(system) result(time)
     type(dem_system_type), intent(in) :: system
-    real(wp) :: sigma(3, 3), stiffness(10), d, rho, p
-    call cell_stress(system%dem_data_type, sigma, stiffness)
+    real(wp) :: sigma(3, 3), d, rho, p
+    sigma = stress_in(system)
     p = -(sigma(1, 1) + sigma(2, 2) + sigma(3, 3))/3.0_wp
     associate (g => system%grains)
       d = 2.0_wp*sum(product(g%axes(:, :g%n), 1)**(1.0_wp/3.0_wp))/g%n
@@ -197,6 +206,13 @@ contains
     end associate
     time = d*sqrt(rho/max(p, tiny(p)))
   end function time_of_fall
+
+  !> Of the contacts in the cell [Pa].
+  pure function stress_in(system) result(sigma)
+    type(dem_system_type), intent(in) :: system
+    real(wp) :: sigma(3, 3), stiffness(10)
+    call cell_stress(system%dem_data_type, sigma, stiffness)
+  end function stress_in
 
   !> Steps in which the edges go straight to others.
   subroutine strain_to(system, edges, rate, steps, errors)
@@ -251,10 +267,9 @@ contains
     type(replay_type), intent(inout) :: replay
     type(dem_contacts_type) :: list
     type(start_springs_type) :: springs
-    real(wp) :: back(3, 3), s(3), stiffness(10)
+    real(wp) :: back(3, 3), s(3)
     integer(i4) :: whole(3, tile%n), i, r
 
-    call cell_stress(system%dem_data_type, replay%stress, stiffness)
     allocate (replay%offset(3, tile%n), replay%quat(4, tile%n))
     back = inverse_of(tile%cell)
     do i = 1, tile%n

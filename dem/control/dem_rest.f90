@@ -32,11 +32,13 @@ contains
     logical, intent(in) :: moving(:)  !! (grains)
     type(error_list_type), intent(inout) :: errors
     type(held_type) :: held
-    real(wp) :: x(3, size(moving))
+    real(wp) :: x(3, size(moving)), extra(3, size(moving))
     integer(i4) :: n
 
     self%steps = 0
     x = system%grains%x
+    extra = system%grains%extra_force
+    system%grains%extra_force = 0.0_wp
     call system%hold(moving, held)
     if (allocated(system%seen_kinetic)) deallocate (system%seen_kinetic)
     do
@@ -51,5 +53,6 @@ contains
     if (allocated(system%seen_kinetic)) deallocate (system%seen_kinetic)
     self%moved = sqrt(maxval(sum((system%grains%x - x)**2, 1)))
     call system%let_go(held)
+    system%grains%extra_force = extra
   end subroutine reach
 end module dem_rest

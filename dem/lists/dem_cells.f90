@@ -114,7 +114,9 @@ contains
       is_large = is_large .or. radius + spare > slack*common
     widest = max(maxval(radius + spare, mask=.not. is_large), 0.0_wp)
     grid%size = max(2.0_wp*widest + margin, tiny(1.0_wp))
-    do i = 1, 3
+    grid%low = 0.0_wp
+    high = 0.0_wp
+    do i = 1, merge(3, 0, n > 0)
       mean(i) = sum(body(i, :n))/max(n, 1)
       spread(i) = sqrt(sum((body(i, :n) - mean(i))**2)/max(n, 1))
       grid%low(i) = max(minval(body(i, :n)), mean(i) - 4.0_wp*spread(i))

@@ -2,6 +2,7 @@
 module dem_contacts
   use talus_kinds, only: wp, i4, i8
   use dem_contact, only: contact_point
+  use dem_ellipsoid, only: line_of_centres
   use dem_pair_law, only: pair_stiffness
   use dem_measure, only: contact_count
   use dem_state, only: dem_data_type, lanes, history_side
@@ -94,7 +95,7 @@ contains
       d%pairs, d%laws(d%pairs%law_first(block), d%pairs%law_second(block))%share, lane, block)
     list%normal(:, k) = d%pairs%normal(lane, :, block)
     list%branch(:, k) = d%pairs%body(1:3, j) - d%pairs%body(1:3, i)
-    if (d%pairs%round(block)) list%normal(:, k) = list%branch(:, k)/norm2(list%branch(:, k))
+    if (d%pairs%round(block)) list%normal(:, k) = line_of_centres(list%branch(:, k))
     list%force(:, k) = d%pairs%result(1:3, (block - 1)*lanes + lane)
     list%spring(:, k) = d%pairs%history(lane, 1:3, block)
     list%stiffness(:, k) = pair_stiffness(d, lane, block)

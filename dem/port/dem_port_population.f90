@@ -7,10 +7,10 @@ module dem_port_population
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_port_names, only: field_axes, field_exponent, field_force, field_id, field_ids, &
-    field_history, field_kind, field_knots, field_material, field_moved, field_omega, field_quat, &
-    field_skew, field_step_limit, field_steps, field_stress, field_stretch, field_substeps, &
-    field_tolerance, field_turn, field_unbalanced, field_v, field_x
+  use talus_port_names, only: field_axes, field_exponent, field_force, field_history, field_id, &
+    field_ids, field_kind, field_knots, field_material, field_moved, field_omega, &
+    field_pressure, field_quat, field_skew, field_step_limit, field_steps, field_stress, &
+    field_stretch, field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, field_x
   use talus_suggest, only: did_you_mean
   use dem_bed, only: waking_type
   use dem_entry, only: size_batch, make_entering, check_ids
@@ -74,6 +74,7 @@ contains
       return
     end if
     call model%system%be_open()
+    call model%system%forget_weights(leaving)
     call model%system%leave(leaving)
     call settle(model, reply)
   end subroutine sleep
@@ -229,6 +230,9 @@ contains
     if (errors%any()) return
     stress = reshape([(model%bed%replays%kept(k)%stress, k=1, size(knots))], [9, size(knots)])
     call reply%put(field_stress, stress)
+    associate (tile => model%bed%replays%stress)
+      call reply%put(field_pressure, -(tile(1, 1) + tile(2, 2) + tile(3, 3))/3.0_wp)
+    end associate
     call reply%put_int(field_substeps, steps)
   end subroutine take_waking
 

@@ -124,7 +124,8 @@ contains
     end do
   end subroutine add_tangent
 
-  !> r: gradients of the natural coordinates, three each; det: Jacobian.
+  !> r: gradients of the natural coordinates, three each, zero where there is no volume; det:
+  !! Jacobian.
   pure subroutine invert(t, r, det)
     real(wp), intent(in) :: t(lanes, 9)
     real(wp), intent(out) :: r(lanes, 9), det(lanes)
@@ -135,7 +136,8 @@ contains
       r(l, 2) = t(l, 6)*t(l, 7) - t(l, 4)*t(l, 9)
       r(l, 3) = t(l, 4)*t(l, 8) - t(l, 5)*t(l, 7)
       det(l) = t(l, 1)*r(l, 1) + t(l, 2)*r(l, 2) + t(l, 3)*r(l, 3)
-      over = 1.0_wp/det(l)
+      over = 0.0_wp
+      if (abs(det(l)) > 0.0_wp) over = 1.0_wp/det(l)
       r(l, 1) = over*r(l, 1)
       r(l, 2) = over*r(l, 2)
       r(l, 3) = over*r(l, 3)

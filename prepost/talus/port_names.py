@@ -165,6 +165,7 @@ class Field:
     POINT = "point"
     POISSON = "poisson"
     POLAR = "polar"
+    PRESSURE = "pressure"
     PROGRAM = "program"
     PROTOCOL = "protocol"
     QUAT = "quat"
@@ -401,6 +402,7 @@ REPLIES = {
     "WAKE": (
         ("step_limit", "real", "(1)", "both", True),
         ("stress", "real", "(9, histories)", "both", False),
+        ("pressure", "real", "(1)", "both", False),
         ("substeps", "integer", "(1)", "both", False),
     ),
     "SLEEP": (

@@ -85,3 +85,26 @@ def test_new_free_grains_come_to_rest(steps: int, tmp_path: Path) -> None:
     assert run(tmp_path).returncode == 0
     rows = read_history(tmp_path / "coupled_conversions.csv")
     assert rows["rest_steps"].max() == 0 and rows["unbalanced"].max() < 1e-9
+
+
+def test_elements_without_weight_may_have_modes_of_their_own(tmp_path: Path) -> None:
+    """Incompatible modes are condensed also where opened elements have no stiffness."""
+    write(tmp_path)
+    deck = tmp_path / "solid.nml"
+    soil = "material = 'soil'"
+    text = deck.read_text().replace(f"{soil} /", f"{soil}, element = 'hex8_incompatible' /")
+    deck.write_text(text)
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    assert audit["grains_kinetic"].max() < 1e-12 * audit["grains_elastic"][-1]
+
+
+def test_a_body_beside_the_bed_opens_nothing(tmp_path: Path) -> None:
+    """I421: no grain is awake, the bed has none to couple."""
+    write(tmp_path)
+    deck = tmp_path / "coupled.nml"
+    deck.write_text(deck.read_text().replace("centre = 1.0e-3, 1.0e-3,", "centre = 1.0e-3, 0.1,"))
+    done = run(tmp_path)
+    assert done.returncode == 1
+    assert "error I421: 0 free grains" in done.stderr

@@ -1,0 +1,73 @@
+!> How far the law of the continuum is from the tile where grains wake: changes of stress since the
+!! start of the tile after a history and of the element that went through it (theory-overlap,
+!! Conversion). Fault N462.
+module cpl_gap
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_log, only: short_number
+  use talus_message, only: verb_describe
+  use talus_port_names, only: field_element, field_stress, field_weight, field_what, what_quadrature
+  use talus_text, only: str
+  use talus_timers, only: timers_type
+  use cpl_bed, only: change_type
+  use cpl_solver, only: cpl_solver_type
+  implicit none
+  private
+  public :: find_gap
+
+  !> Components xx yy zz xy yz zx among nine.
+  integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]
+
+contains
+
+  !> Largest difference of a component of the stress, over the pressure of the tile at rest (N462).
+  subroutine find_gap(solid, change, most, timers, gap, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    type(change_type), intent(in) :: change  !! of a conversion, with replays
+    real(wp), intent(in) :: most             !! allowed [-]
+    type(timers_type), intent(inout) :: timers
+    real(wp), intent(out) :: gap             !! [-]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: stress(:, :), weight(:)
+    integer(i4), allocatable :: element(:)
+    real(wp) :: own(6), other
+    integer(i4) :: k, worst
+
+    gap = 0.0_wp
+    if (change%replays == 0) return
+    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
+    call solid%request%put_text(field_what, what_quadrature)
+    call solid%ask(timers, errors)
+    call solid%reply%take(field_stress, stress, errors)
+    call solid%reply%take(field_weight, weight, errors)
+    call solid%reply%take_int(field_element, element, errors)
+    if (errors%any()) return
+    worst = 1
+    do k = 1, change%replays
+      own = mean_stress(stress, weight, element == change%element(k))
+      other = maxval(abs(change%stress(six, k) - own))/change%pressure
+      if (other > gap) worst = k
+      gap = max(gap, other)
+    end do
+    if (gap <= most) return
+    call errors%add('N462', 'the law of the continuum is far from the grains: in element '// &
+      str(change%element(worst))//' a component of the stress differs by '//short_number(gap)// &
+      ' of the tile''s pressure from that of the tile after the same strain', 'conversion at '// &
+      short_number(solid%time)//' s', 'a modulus or a law that fits the tile at this strain '// &
+      '(element tests), or a larger &adapt most_gap')
+  end subroutine find_gap
+
+  !> Of one element, as xx yy zz xy yz zx [Pa].
+  pure function mean_stress(stress, weight, of_it) result(mean)
+    real(wp), intent(in) :: stress(:, :)  !! (6, points), or with a second field (9, points)
+    real(wp), intent(in) :: weight(:)     !! (points) [m^3]
+    logical, intent(in) :: of_it(:)       !! (points)
+    real(wp) :: mean(6)
+    integer(i4) :: j, at
+    do j = 1, 6
+      at = j
+      if (size(stress, 1) == 9) at = six(j)
+      mean(j) = sum(weight*stress(at, :), of_it)/sum(weight, of_it)
+    end do
+  end function mean_stress
+end module cpl_gap
