@@ -16,6 +16,7 @@ module cpl_sets
   integer(i4), parameter :: part_ghost = 1  !! ghosts are in them
   integer(i4), parameter :: part_free = 2   !! free grains are in them
   integer(i4), parameter :: named = 5       !! ids that a message names
+  integer(i4), parameter :: kind_ghost = 3  !! of grains, at the port
 
   !> Grains as the partner describes them.
   type :: pack_type
@@ -109,6 +110,22 @@ contains
       'free grains: give these elements to free_elements, or let the layers of both be blocks')
   end subroutine sort_nodes
 
+  !> A grain that is a ghost already moves with the element of ghosts that it is in or just beside:
+  !! within its element it does not stand where the nodes alone would carry it.
+  subroutine prefer_ghosts(self, cells, x, spot)
+    type(sets_type), intent(in) :: self
+    type(cells_type), intent(in) :: cells
+    real(wp), intent(in) :: x(3)  !! [m]
+    type(spot_type), intent(inout) :: spot
+    real(wp), parameter :: slack = 0.1_wp  !! of natural coordinates
+    type(spot_type) :: beside
+    if (spot%element > 0) then
+      if (self%part(spot%element) == part_ghost) return
+    end if
+    call cells%find_beside(x, self%part == part_ghost, slack, beside)
+    if (beside%element > 0) spot = beside
+  end subroutine prefer_ghosts
+
   !> I422 free grains where only continuum is, I428 grains that cannot be ghosts.
   subroutine sort_grains(self, cells, pack_of, errors)
     type(sets_type), intent(inout) :: self
@@ -123,6 +140,8 @@ contains
     n = 0
     do g = 1, size(pack_of%id)
       call cells%find(pack_of%x(:, g), self%part, spot(g))
+      if (self%by_kind .and. pack_of%kind(g) == kind_ghost) &
+        call prefer_ghosts(self, cells, pack_of%x(:, g), spot(g))
       if (spot(g)%element > 0) then
         associate (part => self%part(spot(g)%element))
           if (part == part_none .or. (self%by_kind .and. part /= part_free .and. &

@@ -30,6 +30,7 @@ module cpl_cells
     procedure :: check
     procedure :: prepare
     procedure :: find
+    procedure :: find_beside
     procedure :: nodes_of
     procedure :: volume
     procedure :: shares
@@ -167,6 +168,33 @@ contains
       call find_rotation(self, xi, spot)
     end do
   end subroutine find
+
+  !> The first of some elements that a point lies in, or so near beside it.
+  subroutine find_beside(self, x, wanted, slack, spot)
+    class(cells_type), intent(in) :: self
+    real(wp), intent(in) :: x(3)           !! [m]
+    logical, intent(in) :: wanted(:)       !! (elements)
+    real(wp), intent(in) :: slack          !! of natural coordinates
+    type(spot_type), intent(out) :: spot
+    real(wp) :: xi(3), n(most_nodes), gradient(3, most_nodes), reach(3)
+    integer(i4) :: e
+    logical :: found
+    do e = 1, self%elements
+      if (.not. wanted(e)) cycle
+      reach = slack*(self%high(:, e) - self%low(:, e))
+      if (any(x < self%low(:, e) - reach) .or. any(x > self%high(:, e) + reach)) cycle
+      call locate(self%kind(e), self%x(:, self%node(self%start(e):self%start(e + 1) - 1)), x, &
+                  xi, n, gradient, found)
+      if (.not. found) cycle
+      if (.not. inside(self%kind(e), xi, slack)) cycle
+      spot%element = e
+      spot%n = node_count(self%kind(e))
+      spot%weight(:spot%n) = n(:spot%n)
+      spot%gradient(:, :spot%n) = gradient(:, :spot%n)
+      call find_rotation(self, xi, spot)
+      return
+    end do
+  end subroutine find_beside
 
   !> Functions of the micro-rotation: all nodes have one, or the corners alone.
   subroutine find_rotation(self, xi, spot)

@@ -119,7 +119,6 @@ contains
         f(:, k) = o%forces%element(:, k) - o%forces%f(:, k)
       end if
     end do
-    call o%motion%set_speed(carried%v(:, o%op%node))
     call o%hold_loads(f)
   end subroutine hold_difference
 end module cpl_overlap_carry

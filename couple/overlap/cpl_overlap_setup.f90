@@ -341,7 +341,7 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     type(carried_type), intent(in), optional :: carried
-    real(wp) :: none(3, o%op%ghosts)
+    real(wp), dimension(3, o%op%ghosts) :: v, spin
     type(start_type) :: start
 
     call select_sets(o, solvers, again, timers, errors)
@@ -369,8 +369,9 @@ contains
         timers, errors)
       return
     end if
-    none = 0.0_wp
-    call evaluate_forces(o, solvers, none, none, solvers(1)%time, timers, errors)
+    if (present(carried)) call o%motion%set_speed(carried%v(:, o%op%node))
+    call o%op%to_ghosts(o%motion%v, o%motion%w, v, spin)
+    call evaluate_forces(o, solvers, v, spin, solvers(1)%time, timers, errors)
     if (.not. (o%rules%static .or. errors%any())) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
     if (errors%any()) return
@@ -459,6 +460,8 @@ contains
       call choose(grains, free_set, role_report, o%pack%id(o%sets%free), reported(o))
       call choose(grains, pulled_set, role_load, o%pack%id(o%sets%free), 'none')
       call choose(solid, prescribed_set, role_prescribe, int(o%op%node(:n), i8), field_u)
+      if (.not. (again .or. errors%any())) call solid%reply%get(field_speed, o%motion%v(:, :n), &
+                                                                errors)
       if (size(o%sets%off) > 0) &
         call choose(solid, off_set, role_prescribe, int(o%sets%off, i8), field_u)
       call choose(solid, edge_set, edge_role, int(o%op%node(n + 1:), i8), field_u)

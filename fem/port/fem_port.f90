@@ -164,6 +164,7 @@ contains
       if (.not. (model%opened .or. self%rehearsing)) call open_run(model, errors)
       if (errors%any()) return
       call model%body%accept()
+      self%sets%begun = .not. self%rehearsing
       call self%sets%put_states(model%body, reply)
       call reply%put_int(field_iterations, 0_i4)
       call put_scalars(model%body, reply)

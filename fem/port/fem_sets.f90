@@ -16,6 +16,7 @@ module fem_sets
 
   type :: fem_sets_type
     integer(i4) :: n = 0
+    logical :: begun = .false.     !! the run has, at READY
     type(fem_set_type) :: set(32)
     type(fem_edge_type) :: edge    !! the elements of a set that is requested often
     integer(i4) :: edge_of = 0     !! that set
@@ -104,7 +105,8 @@ contains
       hint='only corner nodes of mixed pairs and micropolar or micromorphic sections have them')
   end subroutine check_set
 
-  !> Mark what the prescribe sets move; what they did not move before keeps its displacement.
+  !> Mark what the prescribe sets move; what they did not move before keeps its displacement;
+  !! within a run its partner knows from now on how it moves.
   subroutine mark_prescribed(self, body, changed)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
@@ -118,6 +120,14 @@ contains
       chosen(:, self%set(k)%phi) = .true.
     end do
     changed = any(chosen .neqv. body%port%prescribed)
+    if (self%begun) then
+      where (chosen .and. .not. body%port%prescribed)
+        body%state%v = 0.0_wp
+        body%state%a = 0.0_wp
+        body%accepted%v = 0.0_wp
+        body%accepted%a = 0.0_wp
+      end where
+    end if
     call body%port%prescribe(chosen, body%accepted%u)
   end subroutine mark_prescribed
 

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from opened_column import D, spheres, write
+from opened_column import WIDE, D, spheres, write
 
+from talus.packing import read_packing, write_h5
 from talus.programs import find_program
 from talus.verification import field_steps, read_history, start_grains_on_ranks
 
@@ -108,3 +109,25 @@ def test_a_body_beside_the_bed_opens_nothing(tmp_path: Path) -> None:
     done = run(tmp_path)
     assert done.returncode == 1
     assert "error I421: 0 free grains" in done.stderr
+
+
+def test_a_bed_that_flies_keeps_its_momentum(tmp_path: Path) -> None:
+    """Conversions bring neither momentum nor kinetic energy where the solid has the grains' mass."""
+    write(tmp_path)
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
+    write_h5(tmp_path / "packing.h5", packing)
+    mass = 2650.0 * np.pi / 6.0 * (2.0 * packing.axes[:, 0]).mean() ** 3
+    text = (tmp_path / "solid.nml").read_text()
+    text = text.replace("1388.0", repr(float(8 * mass / (WIDE**2 * 2.0 * D))))
+    lines = [line for line in text.splitlines() if not line.startswith("&support")]
+    text = "\n".join(lines) + "\n&initial group = 'all', component = 'z', value = 1.0 /\n"
+    (tmp_path / "solid.nml").write_text(text)
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    assert rows["freed"].sum() >= 32
+    assert rows["momentum"].max() < 1e-11 * 128 * mass
+    assert np.abs(rows["kinetic"]).max() < 1e-11 * 64 * mass
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    assert np.ptp(audit["momentum_z"]) < 1e-9 * 128 * mass
