@@ -112,7 +112,7 @@ def test_a_body_beside_the_bed_opens_nothing(tmp_path: Path) -> None:
 
 
 def test_a_bed_that_flies_keeps_its_momentum(tmp_path: Path) -> None:
-    """Conversions bring neither momentum nor kinetic energy where the solid has the grains' mass."""
+    """Conversions bring no momentum or kinetic energy where the solid has the mass of grains."""
     write(tmp_path)
     packing = read_packing(tmp_path / "packing.h5")
     packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
