@@ -82,10 +82,10 @@ contains
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
-          o%initial /= 'dead_load' .or. o%moduli /= 'deck' .or. o%ghost_contacts /= 'step') &
+          o%initial /= 'dead_load' .or. o%moduli /= 'deck') &
         call deck%fault(errors, 'D460', 'grains follow a body with ghosts of the bridging '// &
-          "scale, partition = 'share', initial = 'dead_load', ghost_contacts = 'step' and the "// &
-          'moduli of the deck alone', 'adapt', 1, '', 'change &overlap')
+          "scale, partition = 'share', initial = 'dead_load' and the moduli of the deck alone", &
+          'adapt', 1, '', 'change &overlap')
       if (o%free_elements /= by_plan .or. o%ghost_elements /= by_plan) &
         call deck%fault(errors, 'D460', 'the plan of &adapt says which elements are whose', &
           'adapt', 1, '', "write free_elements = 'adapt', ghost_elements = 'adapt' in &overlap")

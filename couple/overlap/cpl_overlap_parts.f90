@@ -30,7 +30,7 @@ contains
     logical, intent(in) :: again
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: rest(3, o%op%ghosts)
+    real(wp), dimension(3, o%op%ghosts) :: v, spin
 
     if (again) then
       call o%forces%parts%pull_all(o%op)
@@ -41,12 +41,12 @@ contains
     call o%forces%parts%begin(o%op)
     call choose_border(o, grains, timers, errors)
     if (errors%any()) return
-    rest = 0.0_wp
+    call o%op%to_ghosts(o%motion%v, o%motion%w, v, spin)
     call grains%start_request(verb_force, o%step, grains%time, grains%time)
     call grains%request%put_text(field_scope, scope_split)
-    call put_ghosts(o, grains%request, rest, rest)
-    call grains%request%put(active_set//dot_v, rest(:, :size(o%forces%parts%active_rows)))
-    call grains%request%put(active_set//dot_omega, rest(:, :size(o%forces%parts%active_rows)))
+    call put_ghosts(o, grains%request, v, spin)
+    call grains%request%put(active_set//dot_v, v(:, o%forces%parts%active_rows))
+    call grains%request%put(active_set//dot_omega, spin(:, o%forces%parts%active_rows))
     call grains%request%put_int(field_brief, 1_i4)
     call grains%ask(timers, errors)
     if (.not. errors%any()) call read_active(o, grains, errors)
@@ -113,7 +113,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: ids(:)
     real(wp), allocatable :: p(:, :), m(:, :)
-    integer(i4) :: row(o%op%ghosts), k, g
+    integer(i4) :: row(o%op%ghosts), k, g, at
 
     call grains%describe(what_border, '', timers, errors)
     if (errors%any()) return
@@ -125,13 +125,18 @@ contains
       m(:, o%forces%parts%active_rows) = o%forces%parts%m_active
     end if
     g = 0
-    do k = 1, o%op%ghosts  ! both in the order of ids
-      if (g == size(ids)) exit
-      if (o%pack%id(o%sets%ghost(k)) /= ids(g + 1)) cycle
+    at = 1
+    do k = 1, o%op%ghosts  ! both in the order of ids; ghosts that no node moves are not of ours
+      do while (at < size(ids))
+        if (ids(at) >= o%pack%id(o%sets%ghost(k))) exit
+        at = at + 1
+      end do
+      if (at > size(ids)) exit
+      if (o%pack%id(o%sets%ghost(k)) /= ids(at)) cycle
       g = g + 1
       row(g) = k
+      at = at + 1
     end do
-    if (g < size(ids)) error stop 'bug: a border that is not of the ghosts'
     o%forces%parts%active_rows = row(:g)
     o%forces%parts%p_active = p(:, o%forces%parts%active_rows)
     o%forces%parts%m_active = m(:, o%forces%parts%active_rows)

@@ -8,6 +8,7 @@ module dem_sets
   use dem_make, only: prescribe_some
   use dem_state, only: kind_free, kind_ghost
   use dem_system, only: dem_system_type
+  use dem_parts, only: find_border
   implicit none
   private
   public :: dem_set_type, dem_sets_type, selection_type, role_report, role_prescribe, role_load, &
@@ -83,9 +84,24 @@ contains
     if (role == role_load) call check_free(system, index, errors)
     if (role == role_border) call check_ghosts(system, index, errors)
     if (errors%count > before) return
-    if (role == role_border) call system%set_border(index)
+    if (role == role_border) call system%set_border([index, unmoved(self, system)])
     call self%put(wish%name, role, wish%fields, index, 0)
   end subroutine select
+
+  !> Ghosts near free grains that no set moves: they stand still and are touched all the same.
+  function unmoved(self, system) result(index)
+    class(dem_sets_type), intent(in) :: self
+    type(dem_system_type), intent(in) :: system
+    integer(i4), allocatable :: index(:)
+    logical :: moved(system%grains%n)
+    integer(i4) :: k
+    moved = .false.
+    do k = 1, self%count
+      if (self%set(k)%role == role_prescribe) moved(self%set(k)%index) = .true.
+    end do
+    call find_border(system%dem_data_type, index)
+    index = pack(index, .not. moved(index))
+  end function unmoved
 
   !> A set by this name, new or instead of the one that had it.
   subroutine put_set(self, name, role, fields, index, body)

@@ -18,9 +18,18 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess:
     return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
-def test_a_column_at_rest_does_not_notice(tmp_path: Path) -> None:
+def use_contacts(folder: Path, contacts: str) -> None:
+    """Evaluate the contacts of ghosts with each other in every step, or once an exchange."""
+    deck = folder / "coupled.nml"
+    text = deck.read_text().replace("&overlap ", f"&overlap ghost_contacts = '{contacts}', ")
+    deck.write_text(text)
+
+
+@pytest.mark.parametrize("contacts", ["step", "exchange"])
+def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None:
     """Grains wake and ghosts become free; nothing moves, and all have the contacts of the bed."""
     write(tmp_path)
+    use_contacts(tmp_path, contacts)
     done = run(tmp_path)
     assert done.returncode == 0, done.stdout
     rows = read_history(tmp_path / "coupled_conversions.csv")
@@ -36,9 +45,11 @@ def test_a_column_at_rest_does_not_notice(tmp_path: Path) -> None:
     assert np.abs(last["x"] - x).max() < 1e-9 * D
 
 
-def test_a_restart_has_the_same_bits(tmp_path: Path) -> None:
+@pytest.mark.parametrize("contacts", ["step", "exchange"])
+def test_a_restart_has_the_same_bits(contacts: str, tmp_path: Path) -> None:
     """From every checkpoint, before and between conversions."""
     write(tmp_path, ", keep_behind = 4.0e-3, hold_behind = 1.0e-3")
+    use_contacts(tmp_path, contacts)
     assert run(tmp_path).returncode == 0
     names = ("coupled_audit.csv", "grains_energy.csv")
     whole = {name: (tmp_path / name).read_bytes() for name in names if (tmp_path / name).exists()}
@@ -111,9 +122,11 @@ def test_a_body_beside_the_bed_opens_nothing(tmp_path: Path) -> None:
     assert "error I421: 0 free grains" in done.stderr
 
 
-def test_a_bed_that_flies_keeps_its_momentum(tmp_path: Path) -> None:
+@pytest.mark.parametrize("contacts", ["step", "exchange"])
+def test_a_bed_that_flies_keeps_its_momentum(contacts: str, tmp_path: Path) -> None:
     """Conversions bring no momentum or kinetic energy where the solid has the mass of grains."""
     write(tmp_path)
+    use_contacts(tmp_path, contacts)
     packing = read_packing(tmp_path / "packing.h5")
     packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
     write_h5(tmp_path / "packing.h5", packing)
