@@ -14,7 +14,6 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
-import h5py
 import numpy as np
 
 from talus.crc64 import crc64
@@ -167,6 +166,8 @@ def write_message(
 
     The file has the number of the message, unless another is given.
     """
+    import h5py  # a partner in shared memory needs numpy alone
+
     path = Path(f"{stem}.{sequence or message.sequence:08d}.{ending}.h5")
     head = dict(zip(HEADER, message.header(), strict=False)) | wrong
     with h5py.File(f"{path}.tmp", "w") as file:
@@ -193,6 +194,8 @@ def read_message(
     The wait ends when `alive`, checked every quarter of a second, is false, else after PATIENCE. A
     message whose length or checksum is not that of its content raises E534 (exit code 4).
     """
+    import h5py  # a partner in shared memory needs numpy alone
+
     path = Path(f"{stem}.{sequence:08d}.{ending}.h5")
     limit = time.monotonic() + (SLICE if alive else PATIENCE)
     while not path.exists():

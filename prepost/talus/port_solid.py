@@ -10,7 +10,7 @@ from talus.faults import FaultError
 from talus.port import Message, Values, serve
 from talus.port_names import CELLS, PROTOCOL, SCALAR_COUNT, SCALARS, Field
 
-NEEDS = {"SOLVE": "solve", "REJECT": "reject", "CHECKPOINT": "checkpoint"}  # of verbs that are here
+NEEDS = {"SOLVE": "solve", "ADVANCE": "advance", "REJECT": "reject"}  # of verbs that are here
 STEPS = ("ADVANCE", "SOLVE", "FORCE", "KICK_DRIFT", "ACCEPT", "REJECT")
 INTEGERS = {Field.ID, Field.NODE, Field.PROTOCOL}
 PASSED_OVER = {Field.FINAL, Field.TRIAL, Field.TAG, Field.EARLY, Field.REHEARSAL, Field.FIELDS}
@@ -23,7 +23,7 @@ class Solid:
     of the stiffness [N/m]. `balance` is the one thing that a partner must do.
     """
 
-    program, version, gravity = "solid", "1.0", (0.0, 0.0, 0.0)
+    program, version, gravity, analysis = "solid", "1.0", (0.0, 0.0, 0.0), "static"
     capabilities = "report,load,solve,reject,rehearsal,springs,dead_load"
 
     def __init__(self, x: np.ndarray, cells: np.ndarray, facets: dict[str, np.ndarray],
@@ -33,6 +33,7 @@ class Solid:
         self.held, self.mass = np.zeros(x.shape, dtype=bool), np.zeros(len(x))
         self.stiffness = np.zeros(len(x))
         self.u, self.v = np.zeros(x.shape), np.zeros(x.shape)  # of the trial [m, m/s]
+        self.a = np.zeros(x.shape)  # [m/s2]
         self.accepted = self.u.copy()
         self.sets: dict[str, tuple[str, np.ndarray]] = {}  # role and nodes
         self.dead = np.zeros(x.shape)  # [N]
@@ -111,7 +112,7 @@ class Solid:
             Field.PROGRAM: self.program, Field.VERSION: self.version, Field.DECK_HASH: "none",
             Field.CAPABILITIES: self.capabilities, Field.GRAVITY: np.array(self.gravity),
             Field.TIME: 0.0, Field.T_END: 0.0, Field.STEP_LIMIT: 0.0, Field.RANKS: 1,
-            Field.ANALYSIS: "static",
+            Field.ANALYSIS: self.analysis,
         }  # fmt: skip
 
     def describe(self, request: Message) -> Values:
@@ -145,7 +146,7 @@ class Solid:
         self.sets[name] = role, nodes.copy()
         return {Field.MASS: self.mass[nodes], Field.STIFFNESS: self.stiffness[nodes],
                 Field.HELD: self.held[nodes].astype(int),
-                Field.SPEED: np.zeros((len(nodes), 3))}  # fmt: skip
+                Field.SPEED: self.v[nodes]}  # fmt: skip
 
     def set(self, request: Message) -> Values:
         """Take springs or the dead load of a set."""
@@ -177,17 +178,27 @@ class Solid:
 
     def solve(self, request: Message) -> Values:
         """Solve from the accepted state to t1."""
+        load = self.loads(request)
+        iterations = self.step(load, request.t1 - request.t0)
+        self.load = load
+        return self.state(iterations)
+
+    def loads(self, request: Message) -> np.ndarray:
+        """Return dead loads and those of a request on all nodes (n, 3) [N]."""
         load = self.dead.copy()
         for name, (role, nodes) in self.sets.items():
             if role == "load" and f"{name}.{Field.FORCE}" in request.fields:
                 force = self.needed(f"{name}.{Field.FORCE}", (len(nodes), 3))
                 np.add.at(load, nodes, force)
+        return load
+
+    def step(self, load: np.ndarray, duration: float) -> int:
+        """Go from the accepted state over a duration [s] to load (n, 3) [N]; return iterations."""
         iterations = self.balance(load)
-        moved, duration = self.u - self.accepted, request.t1 - request.t0
+        moved = self.u - self.accepted
         self.v = moved / duration if duration > 0.0 else np.zeros(self.x.shape)
-        self.load = load
         self.work = self.old_work + 0.5 * float(np.sum((self.old_load + load) * moved))
-        return self.state(iterations)
+        return iterations
 
     def accept(self, request: Message) -> Values:
         """Keep the step."""
@@ -212,11 +223,15 @@ class Solid:
 
     def state(self, iterations: int) -> Values:
         """Tell motion of all sets, iterations and energies."""
+        reply: Values = {Field.ITERATIONS: iterations, Field.SCALARS: self.scalars()}
+        for name, (_, nodes) in self.sets.items():
+            reply |= {f"{name}.{Field.U}": self.u[nodes], f"{name}.{Field.V}": self.v[nodes],
+                      f"{name}.{Field.A}": self.a[nodes]}  # fmt: skip
+        return reply
+
+    def scalars(self) -> np.ndarray:
+        """Return the table of scalars (19)."""
         scalars = np.zeros(SCALAR_COUNT)
         scalars[SCALARS["elastic"]] = self.elastic_energy()
         scalars[SCALARS["boundary"]] = self.work
-        reply: Values = {Field.ITERATIONS: iterations, Field.SCALARS: scalars}
-        for name, (_, nodes) in self.sets.items():
-            reply |= {f"{name}.{Field.U}": self.u[nodes], f"{name}.{Field.V}": self.v[nodes],
-                      f"{name}.{Field.A}": np.zeros((len(nodes), 3))}  # fmt: skip
-        return reply
+        return scalars
