@@ -53,6 +53,7 @@ ORDER += [
     "errors",
     "extending",
     "own-solver",
+    "fenicsx",
     "release-0.2.0",
     "glossary",
 ]

@@ -12,6 +12,7 @@ from talus.look import new_figure, save_figure
 from talus.verification import read_history
 
 LIMIT = 1.0e-6  # of the largest force
+SOLVERS = ("talus-fem", "fenicsx")
 
 
 def history(folder: Path, run: str, solver: str, name: str) -> dict[str, np.ndarray]:
@@ -26,7 +27,7 @@ def off(first: dict[str, np.ndarray], second: dict[str, np.ndarray], column: str
 
 def compare(folder: Path, run: str, stem: str) -> list[str]:
     """Return lines of results.csv for a run."""
-    fem, own = (history(folder, run, s, f"{stem}_audit.csv") for s in ("talus-fem", "fenicsx"))
+    fem, own = (history(folder, run, s, f"{stem}_audit.csv") for s in SOLVERS)
     columns = ("force_on_solid_z", "solid_elastic", "largest_ghost_displacement")
     return [f"{run},{column},{np.abs(fem[column]).max():.6e},{off(fem, own, column):.2e}"
             for column in columns]  # fmt: skip
@@ -35,7 +36,7 @@ def compare(folder: Path, run: str, stem: str) -> list[str]:
 def draw_force(folder: Path) -> None:
     """Draw the force on the bar over its penetration, with both solvers."""
     fem, own = (history(folder, "penetration", s, "grains_driven.csv")
-                for s in ("talus-fem", "fenicsx"))  # fmt: skip
+                for s in SOLVERS)  # fmt: skip
     fig, ax = new_figure()
     depth = [1e3 * (h["z"][0] - h["z"]) for h in (fem, own)]
     ax.plot(depth[0], fem["force_z"], "k-", lw=1.0, label="talus-fem")
@@ -47,10 +48,11 @@ def draw_force(folder: Path) -> None:
 
 def draw_bed(folder: Path) -> None:
     """Draw energy of the block and momentum of grains of the bed that falls on it."""
-    fem, own = (history(folder, "bed", s, "bed_coupled_audit.csv") for s in ("talus-fem", "fenicsx"))
+    fem, own = (history(folder, "bed", solver, "bed_coupled_audit.csv") for solver in SOLVERS)
     fig, axes = new_figure(nrows=2, sharex=True)
-    for ax, column, label in ((axes[0], "solid_elastic", "energy of the block [mJ]"),
-                              (axes[1], "force_on_solid_z", "force on the block [mN]")):  # fmt: skip
+    quantities = {"solid_elastic": "energy of the block [mJ]",
+                  "force_on_solid_z": "force on the block [mN]"}  # fmt: skip
+    for ax, (column, label) in zip(axes, quantities.items(), strict=True):
         ax.plot(1e3 * fem["time"], 1e3 * fem[column], "k-", lw=1.0, label="talus-fem, Newmark")
         ax.plot(1e3 * own["time"], 1e3 * own[column], "--", lw=1.0, label="FEniCSx, explicit")
         ax.set(ylabel=label)

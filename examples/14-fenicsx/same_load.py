@@ -1,8 +1,9 @@
-"""Ask talus-fem and FEniCSx the same at the port and compare the answers: same_load.py FOLDER.
+"""Ask talus-fem and FEniCSx the same at the port and compare the answers.
 
-FOLDER has block.h5, block.toml and solid.nml. A load presses and shears the hole: in four static
-steps, and at once on the block that moves. Displacements of all nodes after each step are compared,
-over the largest. Writes same_load.csv; exit code 1 where a difference is above LIMIT.
+Usage: same_load.py FOLDER [FORCE]. FOLDER has block.h5, block.toml and solid.nml. A load of FORCE
+[N] presses and shears the hole: in four static steps, and at once on the block that moves.
+Displacements of all nodes after each step are compared, over the largest. Writes same_load.csv;
+exit code 1 where a difference is above LIMIT.
 """
 
 import os
@@ -19,7 +20,6 @@ from talus.programs import find_program
 LIMIT = 1.0e-6  # of the largest displacement
 HERE = Path(__file__).parent
 SYSTEM_PYTHON = os.environ.get("FENICSX_PYTHON", "/usr/bin/python3")
-FORCE = 2.0e4  # N, downwards
 STEP, STEPS = 1.0e-5, 50  # s; explicit, below both step limits
 LAWS = {"elastic": "linear_elastic", "neo_hookean": "neo_hookean"}
 
@@ -71,7 +71,7 @@ def main() -> int:
     load = np.zeros(block.x.shape)
     face = np.unique(block.facets["hole"])
     load[face] = np.outer(1.0 + block.x[face, 0] / np.ptp(block.x[:, 0]), [0.3, 0.1, -1.0])
-    load *= FORCE / np.abs(load[:, 2].sum())
+    load *= (float(sys.argv[2]) if len(sys.argv) > 2 else 2.0e4) / np.abs(load[:, 2].sum())  # N
     worst, rows = 0.0, ["analysis,law,largest displacement [m],difference over it"]
     for explicit in (False, True):
         for law in LAWS:

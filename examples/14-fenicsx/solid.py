@@ -28,7 +28,7 @@ def lost(why: str) -> FaultError:
 class Static(Solid):
     """The block in balance: Newton's method, springs of the interface in the tangent.
 
-    Factors stay as long as they bring the balance nearer fast: one factorisation where K is constant.
+    Factors stay as long as they bring the balance nearer fast: one where K is constant.
     """
 
     program = "fenicsx"
