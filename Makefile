@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx \
+  overlap-penetration moving-window fenicsx lammps \
   verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -148,7 +148,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx \
+  moving-window fenicsx lammps \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
@@ -170,6 +170,7 @@ help:
 	  'make overlap-penetration  a core of grains in a continuum beside all grains (an hour)' \
 	  'make moving-window  a bar in a bed that wakes before it, beside the whole bed (15 minutes)' \
 	  'make fenicsx       a solid of FEniCSx in the place of talus-fem (minutes)' \
+	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
@@ -228,6 +229,10 @@ moving-window: deps-run deps-render
 fenicsx: deps-run
 	@$(MAKE) --no-print-directory all
 	examples/14-fenicsx/run.sh build/$@
+
+lammps: deps-run
+	@$(MAKE) --no-print-directory all
+	examples/15-lammps/run.sh build/$@
 
 overlap-penetration: deps-run deps-render
 	@$(MAKE) --no-print-directory all

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.mesh import box
-from talus.port import port_of
+from talus.port_frame import start
 from talus.port_solid import Solid
 
 CORNERS = np.array([[-1, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1],
@@ -73,4 +73,4 @@ class Block(Solid):
 
 
 if __name__ == "__main__":
-    sys.exit(Block(**tomllib.loads(Path(sys.argv[1]).read_text())).run(port_of(sys.argv)))
+    sys.exit(start(lambda: Block(**tomllib.loads(Path(sys.argv[1]).read_text()))))

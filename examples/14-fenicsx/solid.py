@@ -15,8 +15,9 @@ from scipy.sparse import csr_matrix, identity, kron
 
 from talus.faults import FaultError
 from talus.mesh import read_mesh
-from talus.port import Message, Values, port_of
+from talus.port import Message, Values
 from talus.port_explicit import Explicit
+from talus.port_frame import start
 from talus.port_solid import Solid
 
 
@@ -124,14 +125,13 @@ class Moving(Explicit):
         return self.body.stored(self.u)
 
 
-def main() -> int:
-    """Read block.toml and the mesh that it names, serve talus-couple."""
+def make() -> Static | Moving:
+    """Read block.toml and the mesh that it names."""
     deck = tomllib.loads(Path(sys.argv[1]).read_text())
     explicit, damping = deck.pop("explicit", False), deck.pop("damping", 0.0)
     body = Body(read_mesh(Path(deck.pop("mesh"))), **deck)
-    solid = Moving(body, damping) if explicit else Static(body)
-    return solid.run(port_of(sys.argv))
+    return Moving(body, damping) if explicit else Static(body)
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(start(make))

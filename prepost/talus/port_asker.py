@@ -178,5 +178,3 @@ class SolverAsker:
 def rows(reply: Message, name: str) -> np.ndarray:
     """Return a field of a reply as numbers, empty when it is not there."""
     return np.asarray(reply.fields.get(name, np.zeros(0)))
-
-
