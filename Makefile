@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx lammps \
+  overlap-penetration moving-window fenicsx lammps scikit-fem \
   verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -148,7 +148,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx lammps \
+  moving-window fenicsx lammps scikit-fem \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
@@ -171,6 +171,7 @@ help:
 	  'make moving-window  a bar in a bed that wakes before it, beside the whole bed (15 minutes)' \
 	  'make fenicsx       a solid of FEniCSx in the place of talus-fem (minutes)' \
 	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
+	  'make scikit-fem    a solid of scikit-fem in the place of talus-fem (minutes)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
@@ -233,6 +234,10 @@ fenicsx: deps-run
 lammps: deps-run
 	@$(MAKE) --no-print-directory all
 	examples/15-lammps/run.sh build/$@
+
+scikit-fem: deps-run
+	@$(MAKE) --no-print-directory all
+	examples/16-scikit-fem/run.sh build/$@-run
 
 overlap-penetration: deps-run deps-render
 	@$(MAKE) --no-print-directory all

@@ -54,6 +54,7 @@ ORDER += [
     "extending",
     "own-solver",
     "fenicsx",
+    "scikit-fem",
     "lammps",
     "release-0.2.0",
     "glossary",

@@ -7,30 +7,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from own_solvers import ROOT, enter, faults_of, imports
 
 from talus.port_grains import rotation, turned
-from talus.port_test import Options
-from talus.port_test import test_solver as find_faults
 from talus.programs import find_program
 from talus.verification import read_history
 
-ROOT = Path(__file__).parents[2]
 HERE = ROOT / "examples/15-lammps"
 SYSTEM = os.environ.get("LAMMPS_PYTHON", "/usr/bin/python3")
 PROBE = "import h5py, scipy, lammps; lammps.lammps(cmdargs=['-screen', 'none', '-log', 'none'])"
 
 
-def has_lammps() -> bool:
-    """Return whether the Python of the system has what grains.py imports."""
-    try:
-        done = subprocess.run([SYSTEM, "-c", PROBE], capture_output=True, check=False)
-    except OSError:
-        return False
-    return done.returncode == 0
-
-
 needs_lammps = pytest.mark.skipif(
-    not has_lammps(), reason=f"{SYSTEM} has no lammps (apt: python3-lammps liblammps-dev)"
+    not imports(SYSTEM, PROBE), reason=f"{SYSTEM} has no lammps (apt: python3-lammps liblammps-dev)"
 )
 
 
@@ -41,9 +30,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     for deck in (*HERE.glob("*.nml"), *HERE.glob("*.toml")):
         text = deck.read_text().replace("friction = 0.5", "friction = 0.0")
         (tmp_path / "ball" / deck.name).write_text(text)
-    monkeypatch.setenv("PYTHONPATH", str(ROOT / "prepost"))
-    monkeypatch.setenv("TALUS_BIN", str(find_program("talus-fem").resolve().parent))
-    monkeypatch.chdir(tmp_path / "ball")
+    enter(tmp_path / "ball", monkeypatch)
     return tmp_path / "ball"
 
 
@@ -86,8 +73,7 @@ def test_ball_as_with_talus_dem(folder: Path) -> None:
 @needs_lammps
 def test_port_finds_no_fault(folder: Path) -> None:
     """Every verb, legal and illegal."""
-    command = [SYSTEM, str(HERE / "grains.py"), "grains.toml"]
-    found = find_faults(command, Options(group="ghosts", time_limit=30.0))[0]
+    found = faults_of([SYSTEM, str(HERE / "grains.py"), "grains.toml"], group="ghosts")
     assert not found, found
 
 
