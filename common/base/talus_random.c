@@ -19,3 +19,15 @@ double talus_c_uniform(const int64_t *key, int32_t count)
         z = mixed(z ^ (uint64_t)key[k]);
     return (double)(z >> 11) * 0x1.0p-53;
 }
+
+/* Between 0 and 1 (both excluded), of a grain's id and a seed; 53 bits. Two multiples of odd numbers and
+   the same finaliser. */
+double talus_c_unit_number(int64_t id, int64_t seed)
+{
+    uint64_t z = (uint64_t)id * UINT64_C(0x9e3779b97f4a7c15)
+               + (uint64_t)seed * UINT64_C(0xd1b54a32d192ed03);
+    z = (z ^ (z >> 30)) * UINT64_C(0xbf58476d1ce4e5b9);
+    z = (z ^ (z >> 27)) * UINT64_C(0x94d049bb133111eb);
+    z ^= z >> 31;
+    return ((double)(z >> 11) + 0.5) * 0x1.0p-53;
+}

@@ -10,7 +10,7 @@ module dem_entry
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: size_batch, trim_batch, make_entering, check_ids
+  public :: size_batch, trim_batch, make_entering, make_batch, check_ids
 
   integer(i8), parameter :: most_id = int(huge(1_i4), i8)
 
@@ -56,12 +56,22 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: materials(batch%n)
     materials = material
+    call make_batch(batch, materials, system, entering, errors)
+  end subroutine make_entering
+
+  !> The same of several materials.
+  subroutine make_batch(batch, materials, system, entering, errors)
+    type(dem_packing_type), intent(in) :: batch
+    integer(i4), intent(in) :: materials(:)
+    type(dem_system_type), intent(in) :: system
+    type(dem_grains_type), intent(inout) :: entering
+    type(error_list_type), intent(inout) :: errors
     call make_grains(entering, system%materials, batch%id, batch%kind, materials, batch%x, &
                      batch%quat, batch%axes, batch%v, batch%omega, errors)
     if (errors%any()) return
     call make_shapes(entering, system%materials, batch%id, batch%skew, batch%exponent, errors, &
                      system%grains%shapes%in_use)
-  end subroutine make_entering
+  end subroutine make_batch
 
   !> Ids are 32-bit numbers (N210).
   subroutine check_ids(who, batch, path, errors)

@@ -167,7 +167,7 @@ contains
     error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
             + ledger%entered - ledger%left - content(ledger) - ledger%friction &
             - ledger%contact_damping - ledger%background_damping - ledger%tangential_relaxation &
-            - ledger%rolling - ledger%breakage - ledger%plastic
+            - ledger%rolling - ledger%breakage - ledger%plastic - ledger%released - ledger%fines
   end function closure_of
 
   !> Energy turned over so far, the scale of the closure error [J].
@@ -176,6 +176,7 @@ contains
     scale = max(abs(ledger%start), ledger%kinetic + ledger%elastic_normal, abs(ledger%boundary) &
                 + abs(ledger%external) + abs(ledger%gravity) + abs(ledger%entered) &
                 + abs(ledger%left), ledger%friction + ledger%contact_damping &
-                + ledger%background_damping + ledger%rolling + ledger%plastic)
+                + ledger%background_damping + ledger%rolling + ledger%plastic &
+                + ledger%released + ledger%fines)
   end function turnover_of
 end module dem_ledger

@@ -15,7 +15,7 @@ module dem_limits
   use dem_surface_measure, only: add_surface_rows, body_rows, body_rate
   implicit none
   private
-  public :: gershgorin_step, rayleigh_step, foreseen_step
+  public :: gershgorin_step, rayleigh_step, rayleigh_of, foreseen_step
 
   real(wp), parameter :: pi = acos(-1.0_wp)
 
@@ -123,24 +123,30 @@ contains
   !> Least Rayleigh time of the free grains, at the least radius of curvature, with scaled mass [s].
   real(wp) function rayleigh_step(d) result(limit)
     type(dem_data_type), intent(in) :: d
-    real(wp) :: least, shear, density, scale, axis(3)
     integer(i4) :: i
-
-    scale = 1.0_wp
-    if (d%par%mode == mode_relaxation) scale = d%par%mass_scale
     limit = huge(1.0_wp)
     do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) cycle
-      associate (m => d%materials(d%grains%material(i)))
-        shear = m%young/(2.0_wp*(1.0_wp + m%poisson))
-        if (.not. shear > 0.0_wp) cycle
-        axis = d%grains%axes(:, i)
-        least = minval(axis)**2/maxval(axis)
-        density = scale*d%grains%mass(i)/(4.0_wp/3.0_wp*pi*product(axis))
-        limit = min(limit, pi*least*sqrt(density/shear)/(0.1631_wp*m%poisson + 0.8766_wp))
-      end associate
+      if (d%grains%kind(i) == kind_free) limit = min(limit, rayleigh_of(d, i))
     end do
   end function rayleigh_step
+
+  !> That of grain i; huge if its material is rigid [s].
+  pure real(wp) function rayleigh_of(d, i) result(time)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    real(wp) :: least, shear, density, scale, axis(3)
+    scale = 1.0_wp
+    if (d%par%mode == mode_relaxation) scale = d%par%mass_scale
+    time = huge(1.0_wp)
+    associate (m => d%materials(d%grains%material(i)))
+      shear = m%young/(2.0_wp*(1.0_wp + m%poisson))
+      if (.not. shear > 0.0_wp) return
+      axis = d%grains%axes(:, i)
+      least = minval(axis)**2/maxval(axis)
+      density = scale*d%grains%mass(i)/(4.0_wp/3.0_wp*pi*product(axis))
+      time = pi*least*sqrt(density/shear)/(0.1631_wp*m%poisson + 0.8766_wp)
+    end associate
+  end function rayleigh_of
 
   !> Least of impact_step and of what the dashpots of contacts allow, with its own margin whatever
   !! dt_factor is [s].

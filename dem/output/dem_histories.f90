@@ -34,6 +34,7 @@ module dem_histories
     logical :: free = .false.                 !! there are free bodies
     logical :: plastic = .false.              !! a law or model books plastic work
     logical :: open_system = .false.          !! grains enter and leave
+    logical :: crushed = .false.              !! grains break
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
@@ -57,6 +58,7 @@ contains
     integer(i4) :: k
     self%free = allocated(system%surfaces%rigid%free)
     self%open_system = system%open
+    self%crushed = allocated(system%crushed)
     self%plastic = any(system%laws%base%plastic)
     do k = 1, system%pairs%additional%models
       if (any(system%laws%additional%acts(k)) .or. system%pairs%additional%of_run(k)) &
@@ -87,7 +89,8 @@ contains
 
     call self%energy%begin(stem//'_energy.csv', &
       [character(len=26) :: energy_columns, pack(['plastic [J]'], self%plastic), &
-       pack(['entered [J]', 'left [J]   '], self%open_system)], time, errors)
+       pack(['entered [J]', 'left [J]   '], self%open_system), &
+       pack(['released [J]', 'fines [J]   '], self%crushed)], time, errors)
     if (size(self%index) > 0) &
       call self%driven%begin(stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
@@ -118,7 +121,8 @@ contains
                               system%health%max_overlap, system%par%dt, l%elastic_other, &
                               l%rolling, l%breakage, &
                               pack([l%plastic], self%plastic), &
-                              pack([l%entered, l%left], self%open_system)], errors)
+                              pack([l%entered, l%left], self%open_system), &
+                              pack([l%released, l%fines], self%crushed)], errors)
     end associate
     do k = 1, size(self%index)
       i = self%index(k)

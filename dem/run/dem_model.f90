@@ -45,7 +45,7 @@ contains
                    + merge(7, 0, self%system%grains%n > block_work))
     block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
                 self%surcharge%longest_block(), self%flow%longest_block(), &
-                self%drive%longest_block())
+                self%drive%longest_block(), self%breakage%longest_block())
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -77,6 +77,11 @@ contains
         call self%renew_grains(self%clock%turns(event_opening), errors)
         call self%clock%passed(event_opening)
         call self%timers%stop('sources and sinks')
+      end if
+      if (self%breakage%due(self%clock%steps)) then
+        call self%timers%start('breakage')
+        call self%break_grains(errors)
+        call self%timers%stop('breakage')
       end if
       if (self%equilibrium%due(self%clock%steps)) call self%judge_rest()
       call self%equilibrium%damp(self%system, self%clock%steps)
@@ -210,6 +215,7 @@ contains
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     if (self%openings%n > 0) call self%openings%log_totals(self%log, self%system)
+    call self%breakage%log_totals(self%log, self%system%dem_data_type)
     call log_health(self%log, self%system, self%clock)
     call health%warn(self%log)
     if (allocated(self%system%rank_team)) &

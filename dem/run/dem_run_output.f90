@@ -50,6 +50,7 @@ contains
     call begin_log(self%log, program_name, self%deck, self%ranks%ranks, &
                    int(omp_get_max_threads(), i4))
     call log_model(self%log, self%deck, self%system, self%choices, self%clock)
+    call self%breakage%log_groups(self%log)
     if (self%surcharge%active) &
       call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
     if (len(self%restart_path) > 0) call self%log%item('goes on from', self%restart_path, &
@@ -80,6 +81,7 @@ contains
       call self%surcharge%open(self%stem, self%start_time, errors)
       call self%flow%open(self%stem, self%start_time, errors)
       call self%openings%open(self%stem, self%start_time, errors)
+      call self%breakage%open(self%stem, self%start_time, errors)
     end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
@@ -103,6 +105,7 @@ contains
     call self%surcharge%write(t, self%system%dem_data_type, errors)
     call self%flow%write(t, self%system%dem_data_type, errors)
     call self%openings%write(t, self%system, errors)
+    call self%breakage%write(t, self%system%dem_data_type, errors)
   end subroutine write_histories
 
   !> Histories, fields and log rows that are due.
@@ -134,6 +137,7 @@ contains
       call self%surcharge%history%flush(errors)
       call self%flow%history%flush(errors)
       call self%openings%flush(errors)
+      call self%breakage%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -170,6 +174,7 @@ contains
     call self%surcharge%history%flush(errors)
     call self%measures%flush(errors)
     call self%openings%flush(errors)
+    call self%breakage%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -186,6 +191,7 @@ contains
     call self%surcharge%history%close(errors)
     call self%flow%history%close(errors)
     call self%openings%close(errors)
+    call self%breakage%close(errors)
     call self%measures%close(errors)
   end subroutine close_files
 end module dem_run_output

@@ -33,6 +33,7 @@ module dem_run_start
     procedure :: read => read_run
     procedure :: prepare
     procedure :: renew_grains
+    procedure :: break_grains
     procedure :: begin_fresh
     procedure :: begin_again
   end type dem_started_run_type
@@ -95,6 +96,9 @@ contains
     call self%openings%read(self%deck, self%choices%of_entering, self%served, self%system, &
                             errors)
     call self%bed%read(self%deck, self%served, errors)
+    call self%breakage%read(self%deck, self%choices%of_breakage, &
+                            merge(0.0_wp, self%choices%dt, self%choices%allow_unstable), &
+                            self%served, self%system, errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.
@@ -191,7 +195,7 @@ contains
     if (self%openings%n > 0) call self%renew_grains([0_i8, -1_i8], errors)
   end subroutine begin_fresh
 
-  !> Grains leave and enter. Driven ones have other numbers afterwards, and the step follows.
+  !> Grains leave and enter.
   subroutine renew_grains(self, turns, errors)
     class(dem_started_run_type), intent(inout) :: self
     integer(i8), intent(in) :: turns(2)  !! intervals until now, and at the last time; -1: none
@@ -199,10 +203,26 @@ contains
     logical :: changed
     call self%openings%update(self%system, turns, changed, errors)
     if (errors%any() .or. .not. changed) return
+    call follow_grains(self)
+  end subroutine renew_grains
+
+  !> Grains above their strength break.
+  subroutine break_grains(self, errors)
+    class(dem_started_run_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    logical :: changed
+    call self%breakage%look(self%system, self%clock%steps, self%clock%time(), changed, errors)
+    if (errors%any() .or. .not. changed) return
+    call follow_grains(self)
+  end subroutine break_grains
+
+  !> Grains are others: driven ones have other numbers, and the step follows.
+  subroutine follow_grains(self)
+    class(dem_started_run_type), intent(inout) :: self
     call self%histories%find_driven(self%system)
     call self%clock%review(self%automatic_dt(), self%system%step_limit())
     if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
-  end subroutine renew_grains
+  end subroutine follow_grains
 
   !> Start from a checkpoint.
   subroutine begin_again(self, path, every, errors)

@@ -21,6 +21,7 @@ module dem_run_state
   use dem_measures, only: dem_measures_type
   use dem_equilibrium, only: dem_equilibrium_type
   use dem_bed, only: dem_bed_type
+  use dem_breakage, only: dem_breakage_type
   use dem_openings, only: dem_openings_type
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
@@ -47,6 +48,7 @@ module dem_run_state
     type(surface_drive_type) :: drive
     type(dem_openings_type) :: openings
     type(dem_bed_type) :: bed
+    type(dem_breakage_type) :: breakage
     type(dem_probe_type) :: probe
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 35)
+    call table%init('talus-dem', 36)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -44,6 +44,7 @@ contains
     call group_measure(table)
     call group_source(table)
     call group_sink(table)
+    call group_breakage(table)
     call group_window(table)
     call group_tile(table)
     call group_grid(table)
@@ -1441,6 +1442,79 @@ contains
     call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder')
   end subroutine group_sink_2
+
+  subroutine group_breakage(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('breakage', 11, &
+      'Grains of a material break where their stress exceeds their strength: fragments ' &
+      //'lie inside the grain and do not overlap, the rest is fines, which leave the run.' &
+      //' Strengths and fragments follow from the ids of grains alone. What has broken is' &
+      //' written to `<deck>_breakage.csv`, each broken grain to `<deck>_broken.csv`; ' &
+      //'`released` and `fines` are columns of the ledger. Not with `&surcharge`, ' &
+      //'`&bond`, `&probe`, `&window` or a partner (D357).', repeats=.true.)
+    call table%add_key('material', 'string', '', &
+      'Material whose free grains break; fixed and driven ones never do.')
+    call table%need()
+    call table%add_key('strength', 'real', 'Pa', &
+      'Stress of the criterion that 37 % of the grains of the given size survive.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%add_key('size', 'real', 'm', &
+      'Diameter that the strength belongs to: that of the sphere of a grain''s volume.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('modulus', 'real', '', &
+      'Weibull''s modulus of the scatter. Left out, all grains of a size are equally ' &
+      //'strong.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('size_exponent', 'real', '', &
+      'Strength goes with the diameter to the power minus this. Left out: 3/modulus, ' &
+      //'one population of flaws in the volume; needed without a modulus (D354).')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('smallest', 'real', 'm', &
+      'Grains up to this diameter do not break. It sets the number of generations, the ' &
+      //'least fragments and with them the time step: the log foretells all three. Not ' &
+      //'above the least grain of the start (D355).')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('seed', 'integer', '', 'Of the numbers that ids give.')
+    call table%preset('1')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('criterion', 'string', '', &
+      '`nominal`: the largest elastic contact force over the smallest central section ' &
+      //'along its line (times 4/pi: F/d^2 of a sphere). `hertz`: the largest mean ' &
+      //'pressure of a contact; strength is then a contact pressure. `octahedral`: ' &
+      //'octahedral stress of the mean stress tensor of the grain, over 0.9: F/d^2 of two' &
+      //' opposite forces on a sphere.')
+    call table%preset('nominal')
+    call table%allow('nominal|hertz|octahedral')
+    call group_breakage_2(table)
+  end subroutine group_breakage
+
+  subroutine group_breakage_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('family', 'string', '', &
+      'Fragments. `fourteen`: six large and eight small ones of the grain''s own shape, ' &
+      //'52 % of its volume (48 to 49 % of a superquadric); those of spheres and ' &
+      //'ellipsoids are turned at random by the id. `halves`: two, cut by the plane that ' &
+      //'bears the load best, 75 % of the volume of an ellipsoid. `none`: the grain ' &
+      //'vanishes.')
+    call table%preset('fourteen')
+    call table%allow('fourteen|halves|none')
+    call table%add_key('check_every', 'integer', '', &
+      'Steps between two looks at the stresses; a divisor or a multiple of 100.')
+    call table%preset('20')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('fracture_energy', 'real', 'J/m2', &
+      'Told beside what was released per surface created; it changes nothing.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 1000000000000.0_wp)
+  end subroutine group_breakage_2
 
   subroutine group_window(table)
     type(key_table_type), intent(inout) :: table

@@ -33,6 +33,7 @@ module dem_setup
     real(wp) :: initial_overlap = 0.0_wp           !! limit, of the least semi-axis [-]
     integer(i8), allocatable :: idle(:)            !! driven grains that no group drives
     integer(i4), allocatable :: of_entering(:)     !! materials: of a window, of each source
+    integer(i4), allocatable :: of_breakage(:)     !! materials of each &breakage
   end type dem_choices_type
 
   integer(i4), parameter :: named = 5  !! pairs that overlap
@@ -106,7 +107,7 @@ contains
     end do
   end subroutine grain_materials
 
-  !> Materials of what a window and sources bring.
+  !> Materials of what a window and sources bring, and of what breaks.
   subroutine source_materials(deck, usual, choices, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: usual  !! that of the grains of the packing
@@ -118,6 +119,11 @@ contains
       if (.not. deck%given('source', k, 'material')) cycle
       call material_index(deck, choices%material, 'source', k, 'material', &
                           choices%of_entering(1 + k), errors)
+    end do
+    allocate (choices%of_breakage(deck%count('breakage')), source=0_i4)
+    do k = 1, deck%count('breakage')
+      call material_index(deck, choices%material, 'breakage', k, 'material', &
+                          choices%of_breakage(k), errors)
     end do
   end subroutine source_materials
 

@@ -12,7 +12,7 @@ module dem_shape_make
   use dem_state, only: dem_grains_type, dem_material_type
   implicit none
   private
-  public :: make_shapes, admit_shapes, octant_frames
+  public :: make_shapes, admit_shapes, octant_frames, most_slender
 
   real(wp), parameter :: most_skew = 0.8_wp    !! one half-axis nine times the other
   real(wp), parameter :: most_slender = 50.0_wp  !! greatest over least semi-axis

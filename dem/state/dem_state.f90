@@ -17,7 +17,7 @@ module dem_state
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
-  public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size
+  public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -37,6 +37,7 @@ module dem_state
   integer(i4), parameter :: fed_size = 4             !! see dem_sources
   integer(i4), parameter :: drained_size = 6         !! see dem_sinks
   integer(i4), parameter :: window_size = 5          !! see dem_window
+  integer(i4), parameter :: crushed_size = 10        !! see dem_breakage
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
@@ -206,6 +207,8 @@ module dem_state
     real(wp) :: gravity = 0.0_wp                !! work of gravity
     real(wp) :: entered = 0.0_wp                !! brought along by grains that have entered
     real(wp) :: left = 0.0_wp                   !! taken along by grains that have left
+    real(wp) :: released = 0.0_wp               !! stored energy that grains lost as they broke
+    real(wp) :: fines = 0.0_wp                  !! kinetic energy of the fines of broken grains
     real(wp) :: start = 0.0_wp                  !! kinetic + elastic - staggering at the start
     real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
   end type dem_ledger_type
@@ -272,6 +275,11 @@ module dem_state
     real(wp), allocatable :: fed(:, :)             !! (fed_size, sources) so far, dem_sources
     real(wp), allocatable :: drained(:, :)         !! (drained_size, sinks) so far, dem_sinks
     real(wp), allocatable :: window(:)             !! (window_size) so far, dem_window
+    real(wp), allocatable :: crushed(:)            !! (crushed_size) so far, dem_breakage
+    integer(i8), allocatable :: lineage(:, :)      !! (3, fragments) id, rising, that of the grain
+                                                   !! that broke, generation
+    real(wp), allocatable :: fines(:, :)           !! (2, broken grains) mass of fines [kg], least
+                                                   !! diameter of their fragments [m]
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

@@ -24,7 +24,7 @@ module dem_population
   use dem_surface_search, only: list_near
   implicit none
   private
-  public :: remove_grains, add_grains, weigh_grains
+  public :: remove_grains, add_grains, replace_grains, weigh_grains
   public :: memory_type, change_kinds, change_memory, gain
 
   !> What contacts remember, as rows of dem_records and dem_surface_records.
@@ -59,29 +59,53 @@ contains
     type(dem_grains_type), intent(in) :: entering  !! shapes, if the system has any
     type(start_springs_type), intent(in) :: springs
     integer(i4), intent(in), optional :: kind(:)   !! (grains) from now on
-    type(dem_data_type) :: others
-    real(wp), allocatable :: rows(:, :)
     logical :: leaving(d%grains%n)
     type(dem_ledger_type) :: before
-    integer(i4) :: i
 
     call refresh_stored(d, d%ledger_dt, before)
     if (present(kind)) call change_kinds(d, kind)
+    leaving = .false.
+    call exchange_grains(d, leaving, rows_of(entering, d%grains%shapes%in_use))
+    if (springs%given > 0) call hang_springs(d, springs)
+    call find_forces(d)
+    d%ledger%entered = d%ledger%entered + gain(d, before)
+    d%last_id = max(d%last_id, maxval(entering%id))
+  end subroutine add_grains
+
+  !> These grains break, and those enter in their places: what was stored is released, kinetic
+  !! energy goes with the fines. eq. D.29
+  subroutine replace_grains(d, leaving, entering)
+    type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: leaving(:)              !! (grains)
+    type(dem_grains_type), intent(in) :: entering  !! shapes, if the system has any
+    type(dem_ledger_type) :: before, now
+    real(wp) :: change
+
+    call refresh_stored(d, d%ledger_dt, before)
+    call exchange_grains(d, leaving, rows_of(entering, d%grains%shapes%in_use))
+    call find_forces(d)
+    change = gain(d, before)
+    call refresh_stored(d, d%ledger_dt, now)
+    d%ledger%fines = d%ledger%fines + before%kinetic - now%kinetic
+    d%ledger%released = d%ledger%released - change - (before%kinetic - now%kinetic)
+    if (entering%n > 0) d%last_id = max(d%last_id, maxval(entering%id))
+  end subroutine replace_grains
+
+  !> Records of grains that enter.
+  function rows_of(entering, shaped) result(rows)
+    type(dem_grains_type), intent(in) :: entering
+    logical, intent(in) :: shaped  !! some grain of the system is, or may come to be, no ellipsoid
+    real(wp) :: rows(grain_reals(shaped), entering%n)
+    type(dem_data_type) :: others
+    integer(i4) :: i
     others%grains = entering
-    allocate (rows(grain_reals(d%grains%shapes%in_use), entering%n))
     allocate (others%pairs%body(at_body(2) - at_body(1) + 1, entering%n))
     do i = 1, entering%n
       call put_frame(others%grains%shapes, i, entering%quat(:, i))
       call put_body(others%grains, i, others%pairs%body(:, i))
       call pack_grain(others, i, rows(:, i))
     end do
-    leaving = .false.
-    call exchange_grains(d, leaving, rows)
-    if (springs%given > 0) call hang_springs(d, springs)
-    call find_forces(d)
-    d%ledger%entered = d%ledger%entered + gain(d, before)
-    d%last_id = max(d%last_id, maxval(entering%id))
-  end subroutine add_grains
+  end function rows_of
 
   !> Masses and moments of inertia from now on.
   subroutine weigh_grains(d, mass, inertia)

@@ -5,7 +5,7 @@ module dem_store
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
-    surcharge_seen_size, fed_size, drained_size, window_size
+    surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
@@ -61,6 +61,7 @@ contains
                                                       [1, size(d%surcharge_top)]))
     end if
     if (d%open) call put_open(d, archive)
+    if (allocated(d%crushed)) call put_crushed(d, archive)
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
@@ -108,6 +109,33 @@ contains
     d%last_id = last(1, 1)
     if (allocated(d%window)) d%window = window(:, 1)
   end subroutine get_open
+
+  !> What broken grains have left so far.
+  subroutine put_crushed(d, archive)
+    type(dem_data_type), intent(in) :: d
+    class(dem_archive_type), intent(inout) :: archive
+    call archive%put_reals('breakage.sums', reshape([d%crushed, d%ledger%released, &
+                                                     d%ledger%fines], [crushed_size + 2, 1]))
+    call archive%put_integers('breakage.lineage', d%lineage)
+    call archive%put_reals('breakage.fines', d%fines)
+  end subroutine put_crushed
+
+  !> The same back, after the ledger; a checkpoint of a run without breakage has none.
+  subroutine get_crushed(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: sums(:, :)
+    if (archive%find('breakage.sums') == 0) return
+    call archive%get_reals('breakage.sums', crushed_size + 2, 1, sums, errors)
+    call archive%get_integers('breakage.lineage', 3, -1, d%lineage, errors, &
+                              [0_i8, int(huge(1_i4), i8)])
+    call archive%get_reals('breakage.fines', 2, -1, d%fines, errors)
+    if (errors%any()) return
+    d%crushed = sums(:crushed_size, 1)
+    d%ledger%released = sums(crushed_size + 1, 1)
+    d%ledger%fines = sums(crushed_size + 2, 1)
+  end subroutine get_crushed
 
   pure function weight_ids(d) result(ids)
     type(dem_data_type), intent(in) :: d
@@ -330,6 +358,7 @@ contains
     if (errors%any()) return
     call archive%get_reals('ledger', ledger_reals, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
+    if (allocated(d%crushed)) call get_crushed(d, archive, errors)
     call archive%get_reals('health.real', 5, 1, row, errors)
     d%health%max_overlap = row(1, 1)
     d%health%reference_energy = row(2, 1)

@@ -22,7 +22,7 @@ module dem_system
   use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
   use dem_hold, only: held_type, hold_others, let_others_go
-  use dem_population, only: remove_grains, add_grains, weigh_grains
+  use dem_population, only: remove_grains, add_grains, replace_grains, weigh_grains
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
@@ -55,6 +55,7 @@ module dem_system
     procedure :: restore          !! (): return to the kept state
     procedure :: leave            !! (leaving): grains leave; no time passes
     procedure :: enter            !! (entering, springs): grains enter; no time passes
+    procedure :: replace          !! (leaving, entering): grains break; no time passes
     procedure :: weigh            !! (mass, inertia): of all grains; no time passes
     procedure :: hold             !! (moving, held): all but some free grains; no time passes
     procedure :: let_go           !! (held): those again; no time passes
@@ -272,6 +273,16 @@ contains
     call add_grains(self%dem_data_type, entering, springs, kind)
     call settle_change(self)
   end subroutine enter
+
+  !> These grains break, those enter in their places between two steps; the whole has been gathered.
+  subroutine replace(self, leaving, entering)
+    class(dem_system_type), intent(inout) :: self
+    logical, intent(in) :: leaving(:)  !! (grains)
+    type(dem_grains_type), intent(in) :: entering
+    call follow_step(self%dem_data_type, self%par%dt)
+    call replace_grains(self%dem_data_type, leaving, entering)
+    call settle_change(self)
+  end subroutine replace
 
   !> Masses and moments of inertia of all grains from now on; the whole has been gathered.
   subroutine weigh(self, mass, inertia)

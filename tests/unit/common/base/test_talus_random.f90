@@ -2,7 +2,7 @@
 !! rotations.
 program test_talus_random
   use talus_kinds, only: wp, i4, i8
-  use talus_random, only: uniform, random_turn
+  use talus_random, only: uniform, unit_number, random_turn
   use talus_test, only: test_type
   implicit none
   type(test_type) :: test
@@ -24,6 +24,10 @@ contains
     call test%check_close('key 2, 1', uniform([2_i8, 1_i8]), 0.8766756214195504_wp, 0.0_wp)
     call test%check_close('negative and large', uniform([-3_i8, 7_i8, 2_i8**40]), &
                           0.7846689938461164_wp, 0.0_wp)
+    call test%check_close('id 1', unit_number(1_i8, 1_i8), 0.1760125625659424_wp, 0.0_wp)
+    call test%check_close('id 2', unit_number(2_i8, 1_i8), 0.4590673121432685_wp, 0.0_wp)
+    call test%check_close('id 1000000007', unit_number(1000000007_i8, 1_i8), &
+                          0.4958735170765414_wp, 0.0_wp)
   end subroutine check_values
 
   !> Mean, variance and neighbours: what follows does not know what came before.
