@@ -62,6 +62,7 @@ module dem_breakage
     procedure, private :: choose
     procedure, private :: break_grains
     procedure, private :: book
+    procedure, private :: most
   end type dem_breakage_type
 
 contains
@@ -289,17 +290,18 @@ contains
     type(dem_grains_type) :: entering
     logical :: leaving(system%grains%n)
     integer(i4), allocatable :: parent(:), material(:)
-    real(wp) :: surface, free
+    real(wp) :: surface
     integer(i4) :: i, k, n
 
     leaving = .false.
     leaving(order) = .true.
     n = sum(family_count(self%item(self%group(system%grains%material(order)))%family))
-    free = real(memory_free(), wp)
-    if (free > 0.0_wp .and. real(n, wp)*bytes_a_grain > free) then
-      call errors%add('N225', str(n)//' fragments of a look do not fit into the memory that is '// &
-                      'free, '//short_number(free)//' bytes', self%path, 'go on from the last '// &
-                      'checkpoint on a larger machine, or take a larger &breakage smallest')
+    if (real(system%grains%n, wp) - size(order) + n > self%most(system%grains%n)) then
+      call errors%add('N225', str(size(order))//' grains would break into '//str(n)// &
+                      ' fragments: more than '//short_number(self%most(system%grains%n))// &
+                      ' grains may be', self%path, 'go on from the last checkpoint with a '// &
+                      'larger &breakage most_grains or on a larger machine, or take a larger '// &
+                      'smallest')
       return
     end if
     call size_batch(batch, n)
@@ -323,6 +325,16 @@ contains
     call self%book(system%dem_data_type, leaving, parent, entering)
     call system%replace(leaving, entering)
   end subroutine break_grains
+
+  !> How many grains there may be: as the deck says, or as fit into the memory that is free.
+  real(wp) function most(self, n)
+    class(dem_breakage_type), intent(in) :: self
+    integer(i4), intent(in) :: n  !! grains now
+    most = huge(1.0_wp)
+    if (any(self%item%most_grains > 0)) &
+      most = minval(self%item%most_grains, mask=self%item%most_grains > 0)
+    if (memory_free() > 0) most = min(most, real(n, wp) + real(memory_free(), wp)/bytes_a_grain)
+  end function most
 
   !> Sums, lineage and fines of broken grains, before they leave.
   subroutine book(self, d, leaving, parent, entering)
@@ -391,6 +403,9 @@ contains
     do k = 1, size(self%item)
       call log%item(trim(merge('breakage', '        ', k == 1)), self%item(k)%text())
     end do
+    if (sum(self%item%grains) > self%most(0_i4)) call log%warn('if all grains broke down to '// &
+      '&breakage smallest there would be '//short_number(sum(self%item%grains))//' of them, more '// &
+      'than '//short_number(self%most(0_i4))//' that may be: the run ends before (N225)')
   end subroutine log_groups
 
   !> What has broken, for the log.

@@ -36,6 +36,7 @@ module dem_breakage_group
     integer(i4) :: criterion = 0           !! of dem_grain_stress
     integer(i4) :: family = 0              !! of dem_fragments
     integer(i4) :: every = 20              !! steps between two looks
+    integer(i4) :: most_grains = 0         !! in the run; 0: as fit into memory
     integer(i4) :: generations = 0         !! that there may be
     real(wp) :: least = 0.0_wp             !! diameter that there may be [m]
     real(wp) :: grains = 0.0_wp            !! that there are if all break
@@ -67,6 +68,7 @@ contains
     call deck%get('breakage', k, 'size_exponent', group%size_exponent)
     call deck%get('breakage', k, 'smallest', group%smallest)
     call deck%get('breakage', k, 'fracture_energy', group%fracture_energy)
+    call deck%get('breakage', k, 'most_grains', group%most_grains)
     call deck%get('breakage', k, 'seed', seed)
     call deck%get('breakage', k, 'check_every', group%every)
     group%seed = seed

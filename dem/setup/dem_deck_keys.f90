@@ -1445,7 +1445,7 @@ contains
 
   subroutine group_breakage(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('breakage', 11, &
+    call table%add_group('breakage', 12, &
       'Grains of a material break where their stress exceeds their strength: fragments ' &
       //'lie inside the grain and do not overlap, the rest is fines, which leave the run.' &
       //' Strengths and fragments follow from the ids of grains alone. What has broken is' &
@@ -1509,6 +1509,11 @@ contains
     call table%add_key('check_every', 'integer', '', &
       'Steps between two looks at the stresses; a divisor or a multiple of 100.')
     call table%preset('20')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('most_grains', 'integer', '', &
+      'Grains that there may be at most; the run ends before there are more (N225). ' &
+      //'Left out: what fits into the memory that is free. The log warns at the start if ' &
+      //'there would be more once all had broken down to `smallest`.')
     call table%bounds(min=1.0_wp)
     call table%add_key('fracture_energy', 'real', 'J/m2', &
       'Told beside what was released per surface created; it changes nothing.')
