@@ -404,8 +404,8 @@ contains
       call log%item(trim(merge('breakage', '        ', k == 1)), self%item(k)%text())
     end do
     if (sum(self%item%grains) > self%most(0_i4)) call log%warn('if all grains broke down to '// &
-      '&breakage smallest there would be '//short_number(sum(self%item%grains))//' of them, more '// &
-      'than '//short_number(self%most(0_i4))//' that may be: the run ends before (N225)')
+      '&breakage smallest there would be '//short_number(sum(self%item%grains))//' of them, '// &
+      'more than '//short_number(self%most(0_i4))//' that may be: the run ends before (N225)')
   end subroutine log_groups
 
   !> What has broken, for the log.

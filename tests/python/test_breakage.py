@@ -1,0 +1,190 @@
+"""Grains that break: balances, same bits for threads, ranks and restarts, all kinds of boundaries."""
+
+import subprocess
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+
+from talus.generate import cloud, uniform_sizes
+from talus.packing import write_h5
+from talus.programs import find_program
+from talus.verification import field_steps, launcher, read_history
+
+DENSITY = 2650.0  # [kg/m3]
+HEAD = """&run       title = 'Crushed', t_end = {t_end}, gravity = 0.0, 0.0, 0.0 /
+&material  id = 'quartz', density = 2650.0, young = 2.0e10, poisson = 0.25 /
+&contact   between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5,
+           damping_ratio = 0.1 /
+&particles file = 'pack.h5', material = 'quartz' /
+&breakage  material = 'quartz', strength = {strength}, size = 2.0e-3, modulus = 3.0,
+           smallest = {smallest}, {words} /
+&dynamics  dt_factor = 0.3 /
+&history   every_time = 1.0e-5 /
+"""
+SIDE = 8.0e-3  # [m]
+SPEED = 8.0  # of the walls [m/s]
+BOX = "".join(
+    f"&wall id = '{name}{axis}', point = {', '.join(str(SIDE * p * (k == axis)) for k in range(3))}, "
+    f"normal = {', '.join(str(float(s * (k == axis))) for k in range(3))}, material = 'quartz', "
+    f"velocity = {', '.join(str(-SPEED * p * (k == axis)) for k in range(3))} /\n"
+    for axis in range(3)
+    for name, p, s in (("low", 0, 1), ("high", 1, -1))
+)  # fmt: skip
+CELL = f"&cell size = {SIDE}, {SIDE}, {SIDE} /\n&cell_rate component = 'mean', rate = -1200.0 /\n"
+OUTPUT = """&output every_time = 1.0e-4, packing = 'end.h5' /
+&checkpoint every_time = 5.0e-5, keep = 9 /
+"""
+
+
+def write_loose(folder: Path, *, shapes: bool = False, periodic: bool = False) -> None:
+    """Write 27 loose grains of some 1.7 mm, of which some are no ellipsoids."""
+    sizes = 0.85e-3 * uniform_sizes(27, 0.15, np.random.default_rng(2))
+    pack = cloud(sizes, np.full(3, SIDE), np.array([1.1, 1.0, 0.9]), seed=4, periodic=periodic)
+    if shapes:
+        pack.skew = np.zeros((27, 3))
+        pack.skew[::3] = [0.2, -0.1, 0.15]
+        pack.exponent = np.full(27, 2.0)
+        pack.exponent[1::3] = 3.0
+    write_h5(folder / "pack.h5", pack)
+
+
+def run(
+    folder: Path, *parts: str, t_end: float = 4.0e-4, words: str = "seed = 1", ranks: int = 1,
+    threads: int = 1, options: tuple[str, ...] = (), strength: float = 5.0e6,
+    smallest: float = 0.6e-3,
+) -> str:  # fmt: skip
+    """Run a deck to its end; return what is printed."""
+    head = HEAD.format(t_end=t_end, words=words, strength=strength, smallest=smallest)
+    (folder / "deck.nml").write_text(head + "".join(parts))
+    first = launcher(ranks) if ranks > 1 else []
+    command = [*first, str(find_program("talus-dem")), "deck.nml", f"--threads={threads}", *options]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return done.stdout
+
+
+def contents(path: Path) -> dict[str, bytes]:
+    """Return all datasets of a file as bytes."""
+    found: dict[str, bytes] = {}
+
+    def keep(name: str, item: object) -> None:
+        if isinstance(item, h5py.Dataset):
+            found[name] = item[()].tobytes()
+
+    with h5py.File(path) as file:
+        file.visititems(keep)
+    return found
+
+
+def masses(grains: dict[str, np.ndarray]) -> np.ndarray:
+    """Return the masses of grains [kg]; axes of shapes are those of their volume."""
+    return DENSITY * 4.0 / 3.0 * np.pi * grains["axes"].prod(1)
+
+
+CASES = [
+    ("walls", BOX, False, "seed = 1"),
+    ("octahedral", BOX, True, "criterion = 'octahedral', seed = 3"),
+    ("halves", BOX, True, "family = 'halves'"),
+    ("vanish", BOX, False, "family = 'none'"),
+    ("cell", CELL, False, "criterion = 'hertz', seed = 2"),
+]
+
+
+@pytest.mark.parametrize(("name", "bounds", "shapes", "words"), CASES)
+def test_balances(tmp_path: Path, name: str, bounds: str, shapes: bool, words: str) -> None:
+    """Mass of grains and fines is that of the start, the ledger closes, each row of an event holds."""
+    write_loose(tmp_path, shapes=shapes, periodic=name == "cell")
+    strength = 5.0e8 if name == "cell" else 5.0e6
+    run(tmp_path, bounds, OUTPUT, words=words, strength=strength)
+    steps = field_steps(tmp_path / "deck.h5")
+    rows = read_history(tmp_path / "deck_breakage.csv")
+    events = read_history(tmp_path / "deck_broken.csv")
+    assert rows["broken"][-1] == len(events["id"]) > 5
+    at_end = len(steps[-1].grains["id"])
+    assert at_end == 27 - rows["broken"][-1] + rows["fragments"][-1]
+    if not shapes:
+        kept, start = masses(steps[-1].grains).sum(), masses(steps[0].grains).sum()
+        assert kept + rows["fines_mass"][-1] == pytest.approx(start, rel=1e-14)
+    assert (events["stress"] > events["strength"]).all()
+    assert (events["diameter"] > 0.6e-3).all()
+    assert len(set(events["id"])) == len(events["id"])
+    gone = set(events["id"].astype(int))
+    assert not gone & set(steps[-1].grains["id"])
+    energy = read_history(tmp_path / "deck_energy.csv")
+    assert energy["relative_closure"][-1] < 5e-3
+    assert energy["released"][-1] == rows["released"][-1] > 0.0
+    assert energy["fines"][-1] == rows["fines"][-1] > 0.0
+
+
+def test_threads_and_restarts_change_no_bit(tmp_path: Path) -> None:
+    """The end is the same for two threads, and after a restart amid the breaks."""
+    write_loose(tmp_path, shapes=True)
+    run(tmp_path, BOX, OUTPUT)
+    end = contents(tmp_path / "end.h5")
+    events = (tmp_path / "deck_broken.csv").read_text()
+    rows = (tmp_path / "deck_breakage.csv").read_text()
+    kept = [path.rename(tmp_path / f"kept{path.name}") for path in tmp_path.glob("deck.chk.*.h5")]
+    assert len(kept) > 5
+    assert len(events.splitlines()) > 20
+    run(tmp_path, BOX, OUTPUT, threads=2)
+    assert contents(tmp_path / "end.h5") == end
+    assert (tmp_path / "deck_broken.csv").read_text() == events
+    for path in sorted(kept)[4:6]:
+        run(tmp_path, BOX, OUTPUT, options=(f"--restart={path.name}",))
+        assert contents(tmp_path / "end.h5") == end
+        assert (tmp_path / "deck_broken.csv").read_text() == events
+        assert (tmp_path / "deck_breakage.csv").read_text() == rows
+
+
+def test_a_stop_after_a_break_goes_on_by_the_same_bits(tmp_path: Path) -> None:
+    """A run that ends at the very step of a break, before any other list, goes on as the whole."""
+    write_loose(tmp_path)
+    run(tmp_path, BOX, OUTPUT)
+    end = contents(tmp_path / "end.h5")
+    events = read_history(tmp_path / "deck_broken.csv")
+    at = events["time"][len(events["time"]) // 2]
+    for path in tmp_path.glob("deck.chk.*.h5"):
+        path.unlink()
+    run(tmp_path, BOX, OUTPUT, t_end=at)
+    assert read_history(tmp_path / "deck_broken.csv")["time"][-1] == at
+    run(tmp_path, BOX, OUTPUT, options=("--restart=auto",))
+    assert contents(tmp_path / "end.h5") == end
+
+
+def test_ranks_break_the_same_grains(tmp_path: Path) -> None:
+    """On two ranks the first breaks are those of one rank: grains, strengths and order."""
+    write_loose(tmp_path)
+    run(tmp_path, BOX, OUTPUT, t_end=3.0e-4)
+    one = read_history(tmp_path / "deck_broken.csv")
+    mass = read_history(tmp_path / "deck_breakage.csv")
+    run(tmp_path, BOX, OUTPUT, t_end=3.0e-4, ranks=2)
+    two = read_history(tmp_path / "deck_broken.csv")
+    n = min(10, len(one["id"]))
+    assert n > 5
+    assert (one["id"][:n] == two["id"][:n]).all()
+    assert np.allclose(one["strength"][:n], two["strength"][:n], rtol=1e-14)
+    assert np.allclose(one["stress"][:n], two["stress"][:n], rtol=1e-6)
+    assert np.isfinite(mass["fines_mass"]).all()
+
+
+def test_strengths_are_those_of_ids(tmp_path: Path) -> None:
+    """Strengths in the rows of events follow from ids, sizes and seed by the published hash."""
+    write_loose(tmp_path)
+    run(tmp_path, BOX, OUTPUT, words="seed = 7, size_exponent = 0.5")
+    events = read_history(tmp_path / "deck_broken.csv")
+    u = np.array([unit_number(int(k), 7) for k in events["id"]])
+    wanted = 5.0e6 * (events["diameter"] / 2.0e-3) ** -0.5 * (-np.log(u)) ** (1.0 / 3.0)
+    assert events["strength"] == pytest.approx(wanted, rel=1e-12)
+    assert events["generation"].max() == 1
+
+
+def unit_number(grain: int, seed: int) -> float:
+    """Return the number between 0 and 1 of an id and a seed."""
+    most = (1 << 64) - 1
+    z = (grain * 0x9E3779B97F4A7C15 + seed * 0xD1B54A32D192ED03) & most
+    z = (z ^ (z >> 30)) * 0xBF58476D1CE4E5B9 & most
+    z = (z ^ (z >> 27)) * 0x94D049BB133111EB & most
+    z ^= z >> 31
+    return ((z >> 11) + 0.5) * 2.0**-53
