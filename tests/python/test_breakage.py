@@ -1,4 +1,4 @@
-"""Grains that break: balances, same bits for threads, ranks and restarts, all kinds of boundaries."""
+"""Grains that break: balances, same bits for threads, ranks, restarts, all kinds of boundaries."""
 
 import subprocess
 from pathlib import Path
@@ -26,7 +26,8 @@ HEAD = """&run       title = 'Crushed', t_end = {t_end}, gravity = 0.0, 0.0, 0.0
 SIDE = 8.0e-3  # [m]
 SPEED = 8.0  # of the walls [m/s]
 BOX = "".join(
-    f"&wall id = '{name}{axis}', point = {', '.join(str(SIDE * p * (k == axis)) for k in range(3))}, "
+    f"&wall id = '{name}{axis}', "
+    f"point = {', '.join(str(SIDE * p * (k == axis)) for k in range(3))}, "
     f"normal = {', '.join(str(float(s * (k == axis))) for k in range(3))}, material = 'quartz', "
     f"velocity = {', '.join(str(-SPEED * p * (k == axis)) for k in range(3))} /\n"
     for axis in range(3)
@@ -94,7 +95,7 @@ CASES = [
 
 @pytest.mark.parametrize(("name", "bounds", "shapes", "words"), CASES)
 def test_balances(tmp_path: Path, name: str, bounds: str, shapes: bool, words: str) -> None:
-    """Mass of grains and fines is that of the start, the ledger closes, each row of an event holds."""
+    """Mass of grains and fines is that of the start, the ledger closes, rows of events hold."""
     write_loose(tmp_path, shapes=shapes, periodic=name == "cell")
     strength = 5.0e8 if name == "cell" else 5.0e6
     run(tmp_path, bounds, OUTPUT, words=words, strength=strength)
