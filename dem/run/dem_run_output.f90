@@ -82,6 +82,7 @@ contains
       call self%flow%open(self%stem, self%start_time, errors)
       call self%openings%open(self%stem, self%start_time, errors)
       call self%breakage%open(self%stem, self%start_time, errors)
+      call self%grading%open(self%stem, self%start_time, errors)
     end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
@@ -106,6 +107,7 @@ contains
     call self%flow%write(t, self%system%dem_data_type, errors)
     call self%openings%write(t, self%system, errors)
     call self%breakage%write(t, self%system%dem_data_type, errors)
+    call self%grading%write(t, self%system%dem_data_type, errors)
   end subroutine write_histories
 
   !> Histories, fields and log rows that are due.
@@ -138,6 +140,7 @@ contains
       call self%flow%history%flush(errors)
       call self%openings%flush(errors)
       call self%breakage%flush(errors)
+      call self%grading%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -175,6 +178,7 @@ contains
     call self%measures%flush(errors)
     call self%openings%flush(errors)
     call self%breakage%flush(errors)
+    call self%grading%history%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -192,6 +196,7 @@ contains
     call self%flow%history%close(errors)
     call self%openings%close(errors)
     call self%breakage%close(errors)
+    call self%grading%history%close(errors)
     call self%measures%close(errors)
   end subroutine close_files
 end module dem_run_output

@@ -99,6 +99,7 @@ contains
     call self%breakage%read(self%deck, self%choices%of_breakage, &
                             merge(0.0_wp, self%choices%dt, self%choices%allow_unstable), &
                             self%served, self%system, errors)
+    call self%grading%read(self%deck, self%system%dem_data_type, errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.

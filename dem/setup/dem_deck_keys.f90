@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 36)
+    call table%init('talus-dem', 37)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -45,6 +45,7 @@ contains
     call group_source(table)
     call group_sink(table)
     call group_breakage(table)
+    call group_grading(table)
     call group_window(table)
     call group_tile(table)
     call group_grid(table)
@@ -1520,6 +1521,38 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
   end subroutine group_breakage_2
+
+  subroutine group_grading(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('grading', 4, &
+      'The grading over time, with every row of the histories, in `<deck>_grading.csv`:' &
+      //' the part of the mass that passes each sieve, with the fines of broken grains ' &
+      //'and without, Hardin''s and Einav''s measures of breakage and the slope of log N(> ' &
+      //'d). A grain passes by its second-largest extent. `talus plot grading` draws it.')
+    call table%add_key('sieves', 'real', 'm', 'Openings, rising.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('finest', 'real', 'm', &
+      'Least size of the ultimate grading that Einav''s measure counts to; finer fines ' &
+      //'count as it.')
+    call table%preset('1e-06')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%add_key('ultimate', 'real', '', &
+      'Fractal dimension D_u of the ultimate grading, and of the fines of a broken ' &
+      //'grain below its least fragment.')
+    call table%preset('2.5')
+    call table%bounds(above=0.0_wp, below=3.0_wp)
+    call table%magnitude(1e-20_wp, 3.0_wp)
+    call table%add_key('between', 'real', 'm', &
+      'Sizes between which the slope is taken. Left out: 0.2 and 0.6 of the median at ' &
+      //'the start.')
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+  end subroutine group_grading
 
   subroutine group_window(table)
     type(key_table_type), intent(inout) :: table

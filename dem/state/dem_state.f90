@@ -18,6 +18,7 @@ module dem_state
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
   public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
+  public :: graded_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -38,6 +39,7 @@ module dem_state
   integer(i4), parameter :: drained_size = 6         !! see dem_sinks
   integer(i4), parameter :: window_size = 5          !! see dem_window
   integer(i4), parameter :: crushed_size = 10        !! see dem_breakage
+  integer(i4), parameter :: graded_size = 4          !! see dem_grading
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
   !> All grains, in ascending order of id. Arrays are (components, grains).
@@ -275,6 +277,7 @@ module dem_state
     real(wp), allocatable :: fed(:, :)             !! (fed_size, sources) so far, dem_sources
     real(wp), allocatable :: drained(:, :)         !! (drained_size, sinks) so far, dem_sinks
     real(wp), allocatable :: window(:)             !! (window_size) so far, dem_window
+    real(wp), allocatable :: graded(:)             !! (graded_size) at the start, dem_grading
     real(wp), allocatable :: crushed(:)            !! (crushed_size) so far, dem_breakage
     integer(i8), allocatable :: lineage(:, :)      !! (3, fragments) id, rising, that of the grain
                                                    !! that broke, generation

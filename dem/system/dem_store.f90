@@ -5,7 +5,8 @@ module dem_store
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
-    surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
+    surcharge_seen_size, fed_size, drained_size, window_size, crushed_size, &
+    graded_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
   use dem_additional_list, only: put_run_of_additional, get_run_of_additional, layout_kept, &
@@ -62,6 +63,8 @@ contains
     end if
     if (d%open) call put_open(d, archive)
     if (allocated(d%crushed)) call put_crushed(d, archive)
+    if (allocated(d%graded)) &
+      call archive%put_reals('grading.start', reshape(d%graded, [graded_size, 1]))
     if (d%parts%active) then
       call archive%put_reals('parts.of_free', d%parts%of_free)
       call archive%put_reals('parts.of_ghosts', d%parts%of_ghosts)
@@ -359,6 +362,11 @@ contains
     call archive%get_reals('ledger', ledger_reals, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
     if (allocated(d%crushed)) call get_crushed(d, archive, errors)
+    if (allocated(d%graded) .and. archive%find('grading.start') > 0) then
+      call archive%get_reals('grading.start', graded_size, 1, row, errors)
+      if (errors%any()) return
+      d%graded = row(:, 1)
+    end if
     call archive%get_reals('health.real', 5, 1, row, errors)
     d%health%max_overlap = row(1, 1)
     d%health%reference_energy = row(2, 1)
