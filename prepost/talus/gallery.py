@@ -4,7 +4,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from talus import boundary_plots, cell_plots, measure_plots, plots, specimens
+from talus import boundary_plots, cell_plots, grading_plots, measure_plots, plots, specimens
 
 QUIET = ("E543", "E548", "E558")  # no grains or contacts, no ghosts, no box: nothing to draw
 
@@ -32,6 +32,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add("*_measure_*.csv", measure_plots.history)
     add(f"*{specimens.ENDING}.csv", specimen_of, "_specimen", specimens.ENDING)
     add("*_cell.csv", cell_plots.figure)
+    add("*_grading.csv", grading_plots.figure)
     add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
     add("*_probe.json", measure_plots.probe)
     add("*_surfaces.csv", boundary_plots.figure)

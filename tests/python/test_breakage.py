@@ -7,7 +7,9 @@ import h5py
 import numpy as np
 import pytest
 
+from talus.faults import FaultError
 from talus.generate import cloud, uniform_sizes
+from talus.grading_plots import figure
 from talus.packing import write_h5
 from talus.programs import find_program
 from talus.verification import field_steps, launcher, read_history
@@ -189,3 +191,26 @@ def unit_number(grain: int, seed: int) -> float:
     z = (z ^ (z >> 27)) * 0x94D049BB133111EB & most
     z ^= z >> 31
     return ((z >> 11) + 0.5) * 2.0**-53
+
+
+def test_gradings_are_written_and_drawn(tmp_path: Path) -> None:
+    """Gradings begin at none broken, rise with what breaks, go on at a restart and are drawn."""
+    write_loose(tmp_path)
+    sieves = "&grading sieves = 0.1e-3, 0.2e-3, 0.5e-3, 1.0e-3, 2.5e-3, finest = 0.01e-3 /\n"
+    run(tmp_path, BOX, OUTPUT, sieves)
+    rows = read_history(tmp_path / "deck_grading.csv")
+    text = (tmp_path / "deck_grading.csv").read_text()
+    assert rows["hardin"][0] == rows["einav"][0] == 0.0
+    names = [name for name in rows if name.startswith("passing_")]
+    for name in ("hardin", "einav", names[2]):
+        assert (np.diff(rows[name]) >= -1e-12).all()
+        assert rows[name][-1] > 0.1
+    assert (rows[names[-1]] == 1.0).all()
+    assert rows["mass"] + rows["fines"] == pytest.approx(rows["mass"][0], rel=1e-12)
+    kept = sorted(tmp_path.glob("deck.chk.*.h5"))[4].rename(tmp_path / "kept.h5")
+    run(tmp_path, BOX, OUTPUT, sieves, options=(f"--restart={kept.name}",))
+    assert (tmp_path / "deck_grading.csv").read_text() == text
+    assert figure(tmp_path / "deck_grading.csv") is not None
+    with pytest.raises(FaultError) as fault:
+        figure(tmp_path / "deck_energy.csv")
+    assert fault.value.code == "E620"

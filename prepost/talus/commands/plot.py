@@ -8,6 +8,7 @@ from talus import (
     boundary_plots,
     cell_plots,
     gallery,
+    grading_plots,
     measure_plots,
     overlap_plots,
     plots,
@@ -16,7 +17,7 @@ from talus import (
 from talus.faults import FaultError
 
 KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
-         "probe", "boundary", "profile")  # fmt: skip
+         "probe", "boundary", "profile", "grading")  # fmt: skip
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -70,6 +71,8 @@ def plot(options: argparse.Namespace) -> int:
         return save(measure_plots.history(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "cell":
         return save(cell_plots.figure(source), options.output or Path(f"{source.stem}.png"))
+    if options.what == "grading":
+        return save(grading_plots.figure(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "probe":
         return save(measure_plots.probe(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "boundary":
