@@ -16,7 +16,7 @@ module dem_breakage
   use dem_breakage_pieces, only: put_pieces, balance_of
   use dem_entry, only: size_batch, make_batch, check_ids
   use dem_fragments, only: family_count, family_halves
-  use dem_grain_stress, only: grain_stress_type, find_stresses, criterion_hertz
+  use dem_grain_stress, only: grain_stress_type, find_stresses, spare_safe, criterion_hertz
   use dem_packing, only: dem_packing_type
   use dem_shape_make, only: admit_shapes
   use dem_state, only: dem_data_type, dem_grains_type, crushed_size, kind_free, lanes, history_side
@@ -187,7 +187,7 @@ contains
     class(dem_breakage_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: d
     real(wp) :: size_of
-    integer(i4) :: i, k
+    integer(i4) :: i, k, criterion(size(self%group))
     if (allocated(self%known)) then
       if (size(self%known) == d%grains%n) then
         if (all(self%known == d%grains%id)) return
@@ -203,6 +203,11 @@ contains
       if (size_of > self%item(k)%smallest) &
         self%limit(i) = self%item(k)%strength_of(d%grains%id(i), size_of)
     end do
+    criterion = 0
+    do k = 1, size(self%item)
+      criterion(self%item(k)%material) = self%item(k)%criterion
+    end do
+    call spare_safe(self%found, d, criterion, self%limit)
   end subroutine renew_limits
 
   !> Grains that break in this look, in the order of stress over strength, then of ids; one that
@@ -373,7 +378,7 @@ contains
   end subroutine book
 
   !> How many times the grains that a grain comes from have broken.
-  pure integer(i4) function generation_of(d, id) result(generation)
+  elemental integer(i4) function generation_of(d, id) result(generation)
     type(dem_data_type), intent(in) :: d
     integer(i8), intent(in) :: id
     integer(i4) :: low, high, middle

@@ -13,7 +13,7 @@ module dem_grain_stress
     history_root
   implicit none
   private
-  public :: grain_stress_type, find_stresses, nominal_area, octahedral_of
+  public :: grain_stress_type, find_stresses, spare_safe, nominal_area, octahedral_of
   public :: criterion_names, criterion_none, criterion_nominal, criterion_hertz, &
     criterion_octahedral
 
@@ -22,6 +22,7 @@ module dem_grain_stress
   character(len=10), parameter :: criterion_names(3) = [character(len=10) :: 'nominal', 'hertz', &
     'octahedral']
   real(wp), parameter :: pi = acos(-1.0_wp)
+  real(wp), parameter :: rounding = 1.0e-9_wp  !! of areas and forces, amply
 
   !> What grains bear.
   type :: grain_stress_type
@@ -29,6 +30,8 @@ module dem_grain_stress
     real(wp), allocatable :: force(:)      !! (grains) largest elastic normal force [N]
     real(wp), allocatable :: toward(:, :)  !! (3, grains) from the centre to where it acts [m]
     real(wp), allocatable :: tensor(:, :)  !! (6, grains) sum f r, if asked for [J]
+    real(wp), allocatable :: force_below(:)     !! (grains) forces of no interest [N]
+    real(wp), allocatable :: pressure_below(:)  !! (grains) contact pressures of no interest [Pa]
   end type grain_stress_type
 
   !> A contact as one of its grains sees it.
@@ -41,26 +44,19 @@ module dem_grain_stress
 
 contains
 
-  !> Stresses of all free grains whose material has a criterion.
+  !> Stresses of all free grains whose material has a criterion; of those that spare_safe knows to
+  !! be safe under all their contacts, nothing.
   subroutine find_stresses(d, criterion, found)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: criterion(:)  !! (materials) criterion_...
     type(grain_stress_type), intent(inout) :: found
-    type(load_type) :: load, other
-    integer(i4) :: k, lane, i, j
+    integer(i4) :: k, i
 
     call make_room(found, d%grains%n, any(criterion == criterion_octahedral))
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
-      if (.not. any(criterion([block_material(d, k), d%pairs%law_second(k)]) > 0)) cycle
-      do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
-        call read_pair(d, lane, k, load, other)
-        i = d%pairs%first(lane, k)
-        j = d%pairs%grain(d%pairs%second(lane, k))
-        if (i <= d%grains%n) call add_load(d, criterion, i, load, found)
-        call add_load(d, criterion, j, other, found)
-      end do
+      if (criterion(block_material(d, k)) + criterion(d%pairs%law_second(k)) == 0) cycle
+      call add_block(d, criterion, k, found)
     end do
     if (d%surfaces%list%near > 0) call add_surfaces(d, criterion, found)
     if (.not. any(criterion == criterion_octahedral)) return
@@ -69,6 +65,76 @@ contains
       found%stress(i) = octahedral_of(found%tensor(:, i), d%grains%axes(:, i))
     end do
   end subroutine find_stresses
+
+  !> Loads of a block's contacts on their grains.
+  subroutine add_block(d, criterion, k, found)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: criterion(:), k
+    type(grain_stress_type), intent(inout) :: found
+    type(load_type) :: load, other
+    real(wp) :: force, side, root, patch, hertz, kn
+    integer(i4) :: lane, i, j
+    logical :: known
+
+    associate (law => d%laws(d%pairs%law_first(k), d%pairs%law_second(k)))
+      known = allocated(found%force_below) .and. .not. associated(law%base%response)
+      hertz = 4.0_wp/3.0_wp*law%e_star
+      kn = law%kn
+    end associate
+    do lane = 1, lanes
+      side = d%pairs%history(lane, history_side, k)
+      if (.not. side > 0.0_wp) cycle
+      i = d%pairs%first(lane, k)
+      j = d%pairs%grain(d%pairs%second(lane, k))
+      if (known) then
+        root = d%pairs%history(lane, history_root, k)
+        patch = pi*(root*side)**2
+        force = (hertz*root*side + kn)*side*side &
+                *d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
+        if (is_safe(i, force, patch, found) .and. is_safe(j, force, patch, found)) cycle
+      end if
+      call read_pair(d, lane, k, load, other)
+      if (i <= d%grains%n) call add_load(d, criterion, i, load, found)
+      call add_load(d, criterion, j, other, found)
+    end do
+  end subroutine add_block
+
+  !> Is a force of no interest to a body? Planes are behind the grains.
+  pure logical function is_safe(i, force, patch, found)
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: force, patch  !! [N], area of the contact [m^2]
+    type(grain_stress_type), intent(in) :: found
+    is_safe = .true.
+    if (i > size(found%force_below)) return
+    is_safe = force <= found%force_below(i) .and. force <= patch*found%pressure_below(i)
+  end function is_safe
+
+  !> Contacts that leave a grain below this stress, wherever they are, are passed over from now on:
+  !! no nominal area is less than 4 times the product of the two least semi-axes.
+  subroutine spare_safe(found, d, criterion, least)
+    type(grain_stress_type), intent(inout) :: found
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: criterion(:)  !! (materials) criterion_...
+    real(wp), intent(in) :: least(:)         !! (grains) [Pa]
+    real(wp) :: axes(3)
+    integer(i4) :: i
+
+    if (allocated(found%force_below)) deallocate (found%force_below, found%pressure_below)
+    allocate (found%force_below(d%grains%n), found%pressure_below(d%grains%n), source=huge(1.0_wp))
+    do i = 1, d%grains%n
+      if (least(i) >= huge(1.0_wp)) cycle
+      axes = d%grains%axes(:, i)
+      if (d%grains%shapes%in_use) axes = d%grains%shapes%axes(:, i)
+      select case (criterion(d%grains%material(i)))
+      case (criterion_nominal)
+        found%force_below(i) = least(i)*4.0_wp*product(axes)/maxval(axes)*(1.0_wp - rounding)
+      case (criterion_hertz)
+        found%pressure_below(i) = least(i)*(1.0_wp - rounding)
+      case (criterion_octahedral)
+        found%force_below(i) = 0.0_wp
+      end select
+    end do
+  end subroutine spare_safe
 
   !> Material of the first bodies of a block; planes have none that breaks.
   pure integer(i4) function block_material(d, k) result(material)
@@ -91,7 +157,7 @@ contains
                 found%tensor(6, merge(n, 0_i4, tensor)))
     found%stress = 0.0_wp
     found%force = 0.0_wp
-    found%tensor = 0.0_wp
+    if (tensor) found%tensor = 0.0_wp
   end subroutine make_room
 
   !> The contact in a lane, from both sides.

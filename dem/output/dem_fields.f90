@@ -8,6 +8,7 @@ module dem_fields
   use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
   use dem_surface_output, only: surface_mesh_sizes, put_surface_mesh
   use dem_system, only: dem_system_type, dem_contacts_type
+  use dem_breakage, only: generation_of
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
   use dem_slabs, only: dem_slab_type, slab_grains
@@ -21,6 +22,7 @@ module dem_fields
 
   type :: dem_fields_type
     logical :: contacts = .false.     !! write contacts too
+    logical :: generations = .false.  !! grains break
     logical :: opened = .false.
     real(wp) :: last_time = -1.0_wp   !! of the last step written [s]
     type(series_type) :: series
@@ -60,6 +62,8 @@ contains
       call file%commit(errors)
     end if
     call describe(self%xdmf, stem)
+    if (self%generations) &
+      call self%xdmf%attribute('generation', 'grains/generation', xdmf_node, 1, 'int4')
     self%stem = stem
     self%opened = errors%count == before
   end subroutine open_fields
@@ -97,6 +101,8 @@ contains
       call put_grains(file, group//'/grains', system%grains, &
                       int(coordination_of(system%dem_data_type), i4), errors)
     end if
+    if (self%generations) call file%put(group//'/grains/generation', generation_of( &
+      system%dem_data_type, system%grains%id), errors)
     if (system%cell%active) then
       call file%group(group//'/cell', errors)
       call file%put(group//'/cell/vectors', system%cell%vectors, errors)

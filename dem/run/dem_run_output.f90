@@ -89,6 +89,7 @@ contains
       do k = 1, size(fields)
         self%fields%contacts = self%fields%contacts .or. fields(k)%s == 'contacts'
       end do
+      self%fields%generations = self%breakage%active()
       kept = self%start_time
       if (.not. self%clock%on_time(event_output)) kept = kept*(1.0_wp - epsilon(kept))
       call self%fields%open(self%stem, kept, note, errors)

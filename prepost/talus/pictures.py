@@ -16,7 +16,8 @@ from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED
 
 MILLI = 1.0e3
-COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]"}
+COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]",
+              "generation": "generation [-]"}  # fmt: skip
 DRAWING = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so")  # libraries that VTK loads
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".bmp")
 VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
@@ -123,6 +124,11 @@ def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
         if "force" not in now.grains:
             raise FaultError("E543", "the field file holds no forces", "colour by another field")
         return np.linalg.norm(now.grains["force"], axis=1)
+    if color == "generation":
+        if "generation" not in now.grains:
+            raise FaultError("E621", "the grains of the field file do not break",
+                             "colour by another field, or run with &breakage")  # fmt: skip
+        return now.grains["generation"].astype(float)
     if color == "speed":
         return np.linalg.norm(now.grains["v"], axis=1)
     return MILLI * np.linalg.norm(np.nan_to_num(displacement(first.grains, now.grains)), axis=1)
@@ -147,6 +153,8 @@ def add_grains(
     if free.any():
         values = values_of(first, now, color)[free]
         top = round_above(max(float(np.quantile(values, 0.99)), 1.0e-12))
+        if color == "generation":
+            top = max(float(values.max()), 1.0)
         if values.max() > top:
             note = f"some grains above the scale: up to {values.max():.3g}"
             plotter.add_text(note, position=(0.02, 0.02), viewport=True, font_size=8, color="black")
