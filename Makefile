@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx lammps scikit-fem \
+  overlap-penetration moving-window fenicsx lammps scikit-fem crushing \
   verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -148,7 +148,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx lammps scikit-fem \
+  moving-window fenicsx lammps scikit-fem crushing \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
@@ -172,6 +172,7 @@ help:
 	  'make fenicsx       a solid of FEniCSx in the place of talus-fem (minutes)' \
 	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
 	  'make scikit-fem    a solid of scikit-fem in the place of talus-fem (minutes)' \
+	  'make crushing      breaking spheres in an oedometer (two minutes)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
@@ -238,6 +239,10 @@ lammps: deps-run
 scikit-fem: deps-run
 	@$(MAKE) --no-print-directory all
 	examples/16-scikit-fem/run.sh build/$@-run
+
+crushing: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/13-crushing/run.sh build/$@
 
 overlap-penetration: deps-run deps-render
 	@$(MAKE) --no-print-directory all

@@ -40,6 +40,7 @@ ORDER += [
     "element-tests",
     "pore-fluid",
     "moving-beds",
+    "breakage",
     "measures",
     "prepost",
     "study",

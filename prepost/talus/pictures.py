@@ -153,13 +153,15 @@ def add_grains(
     if free.any():
         values = values_of(first, now, color)[free]
         top = round_above(max(float(np.quantile(values, 0.99)), 1.0e-12))
+        labels = 6
         if color == "generation":
             top = max(float(values.max()), 1.0)
+            labels = int(top) + 1
         if values.max() > top:
             note = f"some grains above the scale: up to {values.max():.3g}"
             plotter.add_text(note, position=(0.02, 0.02), viewport=True, font_size=8, color="black")
         bar = {"title": COLOURS_OF[color], "color": "black", "vertical": True, "position_x": 0.88,
-               "position_y": 0.25, "height": 0.5, "n_labels": 6, "fmt": "%.3g"}  # fmt: skip
+               "position_y": 0.25, "height": 0.5, "n_labels": labels, "fmt": "%.3g"}  # fmt: skip
         mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
         colours = {"scalars": "value", "cmap": "viridis", "clim": (0.0, top)}
         plotter.add_mesh(mesh, smooth_shading=True, scalar_bar_args=bar, **colours)
