@@ -52,6 +52,7 @@ module dem_breakage
     procedure :: longest_block
     procedure :: due
     procedure :: look
+    procedure :: foretold
     procedure :: log_groups
     procedure :: log_totals
     procedure :: open => open_histories
@@ -408,10 +409,31 @@ contains
     do k = 1, size(self%item)
       call log%item(trim(merge('breakage', '        ', k == 1)), self%item(k)%text())
     end do
-    if (sum(self%item%grains) > self%most(0_i4)) call log%warn('if all grains broke down to '// &
-      '&breakage smallest there would be '//short_number(sum(self%item%grains))//' of them, '// &
-      'more than '//short_number(self%most(0_i4))//' that may be: the run ends before (N225)')
+    if (len(too_many(self)) > 0) call log%warn(too_many(self))
   end subroutine log_groups
+
+  !> The same for --check, in lines.
+  function foretold(self) result(text)
+    class(dem_breakage_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    integer(i4) :: k
+    text = ''
+    do k = 1, size(self%item)
+      text = text//new_line('a')//'breakage: '//self%item(k)%text()
+    end do
+    if (len(too_many(self)) > 0) text = text//new_line('a')//'warning: '//too_many(self)
+  end function foretold
+
+  !> Warning of more grains than may be, '' for none.
+  function too_many(self) result(text)
+    class(dem_breakage_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = ''
+    if (sum(self%item%grains) <= self%most(0_i4)) return
+    text = 'if all grains broke down to &breakage smallest there would be '// &
+      short_number(sum(self%item%grains))//' of them, more than '// &
+      short_number(self%most(0_i4))//' that may be: the run ends before (N225)'
+  end function too_many
 
   !> What has broken, for the log.
   subroutine log_totals(self, log, d)

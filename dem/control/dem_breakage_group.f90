@@ -250,7 +250,8 @@ contains
     if (self%criterion == criterion_hertz) text = text//' (the force at the strength goes with '// &
       '1/E*^2: softened grains want another strength)'
     if (.not. self%grains > 0.0_wp) return
-    text = text//', '//str(self%generations)//' generations at most: '// &
+    text = text//', '//str(self%generations)// &
+      trim(merge(' generation ', ' generations', self%generations == 1))//' at most: '// &
       short_number(self%grains)//' grains down to '//short_number(self%least)// &
       ' m, with a Rayleigh time of '//short_number(self%step)//' s'
   end function text

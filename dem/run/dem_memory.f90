@@ -50,6 +50,7 @@ contains
       text = memory_of_one(model%system)
       if (model%options%ranks > 0) text = text//new_line('a')//estimated(model)
     end if
+    if (model%breakage%active()) text = text//model%breakage%foretold()
     write (output_unit, '(a)') text
     flush (output_unit)
   end subroutine report_memory

@@ -11,8 +11,9 @@ from talus.faults import FaultError
 from talus.generate import cloud, uniform_sizes
 from talus.grading_plots import figure
 from talus.packing import write_h5
+from talus.pictures import values_of
 from talus.programs import find_program
-from talus.verification import field_steps, launcher, read_history
+from talus.verification import field_steps, launcher, read_history, write_packing
 
 DENSITY = 2650.0  # [kg/m3]
 HEAD = """&run       title = 'Crushed', t_end = {t_end}, gravity = 0.0, 0.0, 0.0 /
@@ -214,3 +215,69 @@ def test_gradings_are_written_and_drawn(tmp_path: Path) -> None:
     with pytest.raises(FaultError) as fault:
         figure(tmp_path / "deck_energy.csv")
     assert fault.value.code == "E620"
+
+
+FLOOR = """&wall id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'quartz' /
+"""
+PLATES = {
+    "wall": "&wall id = 'top', point = 0.0, 0.0, 2.0e-3, normal = 0.0, 0.0, -1.0, "
+    "material = 'quartz', velocity = 0.0, 0.0, -0.5 /\n",
+    # the edge of both triangles leads through the contact
+    "surface": "&surface id = 'top', rectangle = -3.0e-3, -3.0e-3, 2.0e-3, 3.0e-3, -3.0e-3, "
+    "2.0e-3, 3.0e-3, 3.0e-3, 2.0e-3, material = 'quartz', velocity = 0.0, 0.0, -0.5 /\n",
+}  # fmt: skip
+
+
+def test_surfaces_break_grains_as_walls_do(tmp_path: Path) -> None:
+    """A sphere under a surface, upon an edge of its triangles, breaks as under a wall."""
+    found = {}
+    for name, plate in PLATES.items():
+        write_packing(tmp_path / "pack.h5", np.array([[0.0, 0.0, 1.0e-3]]), np.full((1, 3), 1.0e-3))
+        run(tmp_path, FLOOR, plate, t_end=1.5e-4, words="check_every = 1", smallest=1.5e-3)
+        found[name] = read_history(tmp_path / "deck_broken.csv")
+        assert len(found[name]["id"]) == 1
+        rows = read_history(tmp_path / "deck_breakage.csv")
+        assert rows["fragments"][-1] == 14
+    for key in ("time", "stress", "force"):
+        assert found["surface"][key] == pytest.approx(found["wall"][key], rel=2e-3)
+    assert (found["wall"]["force"] / found["wall"]["stress"])[0] == pytest.approx(4e-6, rel=1e-12)
+
+
+def test_held_grains_never_break_and_others_may_enter(tmp_path: Path) -> None:
+    """Fixed and driven grains bear any stress; ids of fragments and of a source do not meet."""
+    x = np.array([[0.0, 0.0, 1.0e-3], [0.0, 0.0, 3.0e-3], [0.0, 0.0, 5.0e-3]])
+    write_packing(tmp_path / "pack.h5", x, np.full((3, 3), 1.0e-3),
+                  kind=np.array([1, 0, 0], dtype=np.int32))  # fmt: skip
+    held = "&driven ids = 3, velocity = 0.0, 0.0, -1.0 /\n"
+    source = """&source id = 's', semi_axes = 0.8e-3, number_rate = 2.0e5, stop = 4.0e-5,
+      region = 'box', lower = 0.01, 0.0, 0.0, upper = 0.02, 0.01, 0.01, every_time = 2.0e-5 /
+    &sink id = 'far', region = 'plane', point = 1.0, 0.0, 0.0, normal = 1.0, 0.0, 0.0,
+      every_time = 2.0e-5 /
+    """  # fmt: skip
+    run(tmp_path, held, source, OUTPUT, t_end=2.0e-4, smallest=1.5e-3)
+    events = read_history(tmp_path / "deck_broken.csv")
+    fed = read_history(tmp_path / "deck_sources.csv")
+    last = field_steps(tmp_path / "deck.h5")[-1].grains
+    assert list(events["id"]) == [2]
+    assert fed["grains"][-1] > 3
+    assert len(last["id"]) == 2 + 14 + fed["grains"][-1]
+    assert len(set(last["id"])) == len(last["id"])
+    assert {1, 3} <= set(last["id"])
+    assert (last["generation"] == 1).sum() == 14
+    steps = field_steps(tmp_path / "deck.h5")
+    assert values_of(steps[0], steps[-1], "generation").max() == 1.0
+    del steps[-1].grains["generation"]
+    with pytest.raises(FaultError) as fault:
+        values_of(steps[0], steps[-1], "generation")
+    assert fault.value.code == "E621"
+
+
+def test_check_foretells_what_may_come(tmp_path: Path) -> None:
+    """--check tells generations, grains and step, and warns where there may be too many grains."""
+    write_loose(tmp_path)
+    text = run(tmp_path, BOX, options=("--check",), words="most_grains = 100")
+    assert "'nominal', 'fourteen', 2 generations at most: 2484 grains" in text
+    assert "more than 100 that may be" in text
+    text = run(tmp_path, BOX, options=("--check",), smallest=0.85e-3)
+    assert "1 generation at most: 378 grains" in text
+    assert "that may be" not in text
