@@ -1,7 +1,8 @@
 !> Families of fragments: their sizes, their volumes, that they lie inside the grain and apart, by
 !! the supports that the contact kernel uses; surfaces of forms against closed ones.
 program test_dem_fragments
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
+  use talus_random, only: unit_number, turn_of
   use talus_test, only: test_type
   use dem_fragments, only: fragment_type, make_fragments, family_radii, family_fourteen, &
     family_halves, family_none, area_of, created_area, split_axis
@@ -117,7 +118,9 @@ contains
   !> The turned family of an ellipsoid is inside and apart, too.
   subroutine check_turned()
     type(fragment_type), allocatable :: fragment(:)
+    real(wp), parameter :: axes(3) = [2.5e-3_wp, 2.0e-3_wp, 1.5e-3_wp]
     real(wp) :: turn(4)
+    integer(i8) :: k
     turn = [0.9_wp, 0.1_wp, -0.3_wp, 0.2_wp]
     turn = turn/norm2(turn)
     call make_fragments(family_fourteen, upper, upper, 2.0_wp, turn, 1_i4, fragment)
@@ -125,6 +128,14 @@ contains
     call test%check('turned: inside', farthest_out(fragment, upper, upper, 2.0_wp) <= 0.0_wp)
     call make_fragments(family_none, upper, upper, 2.0_wp, turn, 1_i4, fragment)
     call test%check('none', size(fragment) == 0)
+    ! grain 1 of the seed 1, as another program turns it
+    turn = turn_of([(unit_number(1_i8, 1_i8 + 1000003_i8*k), k=1, 3)])
+    call make_fragments(family_fourteen, axes, axes, 2.0_wp, turn, 1_i4, fragment)
+    call test%check_all_close('turned by the id: third', fragment(3)%origin, &
+      [0.000491497395758176_wp, -0.0009176828735490643_wp, 0.0004597913178832725_wp], 1.0e-15_wp)
+    call test%check_all_close('turned by the id: eighth', fragment(8)%origin, &
+      [0.0012645517546544772_wp, -0.0010425745941731305_wp, -0.00038290117440600526_wp], &
+      1.0e-15_wp)
   end subroutine check_turned
 
   !> Places and semi-axes of a poly-ellipsoid's fragments, as another program has them.
