@@ -4,7 +4,7 @@
 !! A history is a list of right stretch tensors U from 1; between them the cell goes straight, slow
 !! enough for the inertial number of the deck. A history that begins like an earlier one goes on
 !! from there, before its rest: the same bits as from the start. Where a row stands beside the
-!! affine place of its tile is w, its mean over the tile none. Faults N241. eq. D.26
+!! affine place of its tile is w, its mean over the tile none. Faults N241. eq. D.32
 module dem_replay
   use talus_kinds, only: wp, i4, i8
   use talus_deck, only: deck_type
