@@ -217,7 +217,6 @@ contains
       i = d%surfaces%list%near_grain(g)
       if (criterion(d%grains%material(i)) == criterion_none) cycle
       do k = 1, d%surfaces%list%contacts(g)
-        if (d%surfaces%list%sign(k, g) < 0.0_wp) cycle  ! taken off again at an edge
         call add_load(d, criterion, i, surface_load(d, k, g), found)
       end do
     end do
@@ -245,6 +244,9 @@ contains
     load%patch = (history(history_root)*history(history_side))**2
     load%push = load%force*d%surfaces%list%normal(k, :, g) + history(1:3)
     load%arm = d%surfaces%list%point(k, :, g) - d%pairs%body(1:3, i)
+    if (d%surfaces%list%sign(k, g) >= 0.0_wp) return
+    load%push = d%surfaces%list%sign(k, g)*load%push  ! taken off again at an edge
+    load%force = 0.0_wp
   end function surface_load
 
   !> A load on grain i.
