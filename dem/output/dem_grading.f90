@@ -181,13 +181,13 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: fines(:, :)
-    real(wp) :: sizes(d%grains%n), passing(2, size(self%sieves)), breakage(2), part
+    real(wp), allocatable :: fines(:, :), passing(:, :)
+    real(wp) :: sizes(d%grains%n), breakage(2), part
     integer(i4) :: k
 
     if (.not. self%history%is_open() .or. d%grains%n == 0) return
     sizes = sieved_sizes(d)
-    allocate (fines(2, 0))
+    allocate (fines(2, 0), passing(2, size(self%sieves)))
     if (allocated(d%fines)) fines = d%fines
     if (d%graded(start_most) < 0.0_wp) call keep_start(self, d, sizes)
     do k = 1, size(self%sieves)
