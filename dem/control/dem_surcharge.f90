@@ -177,7 +177,8 @@ contains
 
   !> First forces of a fresh run, or of one that restarts from a checkpoint without surcharge; one
   !! from a checkpoint that had it keeps its forces, one from a packing that has loads begins with
-  !! those.
+  !! those of its grains within the free area. Loads of others, as of ghosts in an overlap, would
+  !! be counted in the sum, which the free ones would then lack.
   subroutine start(self, d, given, time, steps, errors)
     class(dem_surcharge_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
@@ -185,16 +186,29 @@ contains
     real(wp), intent(in) :: time                   !! [s]
     integer(i8), intent(in) :: steps               !! taken so far
     type(error_list_type), intent(inout) :: errors
+    type(plan_type) :: plan
     if (.not. self%active .and. allocated(d%surcharge)) call take_off(d)
     if (.not. self%active .or. allocated(d%surcharge)) return
     allocate (d%surcharge(d%grains%n), d%surcharge_seen(seen_size), source=0.0_wp)
     if (allocated(given)) then
-      d%surcharge = merge(given, 0.0_wp, d%grains%kind == kind_free)
+      call self%plan_now(d, plan, errors)
+      if (errors%any()) return
+      d%surcharge = merge(given, 0.0_wp, d%grains%kind == kind_free .and. within(plan, d%grains%x))
       d%surcharge_top = d%surcharge > 0.0_wp
       d%grains%extra_force(3, :) = d%grains%extra_force(3, :) - d%surcharge
     end if
     call self%update(d, time, steps, errors)
   end subroutine start
+
+  !> Which centres lie in the rectangle of the plan; all do where it is periodic.
+  pure function within(plan, x)
+    type(plan_type), intent(in) :: plan
+    real(wp), intent(in) :: x(:, :)  !! (3, grains) [m]
+    logical :: within(size(x, 2))
+    integer(i4) :: i
+    within = [(all(plan%periodic .or. (x(:2, i) >= plan%lower .and. x(:2, i) <= plan%upper)), &
+               i=1, size(x, 2))]
+  end function within
 
   !> The checkpoint had a surcharge, the deck has none.
   subroutine take_off(d)
@@ -241,7 +255,7 @@ contains
     if (self%curve > 0) stress = self%stress*self%curves(self%curve)%at(time)
     allocate (force(d%grains%n), source=0.0_wp)
     force(rows) = merge(stress*area, 0.0_wp, carries)
-    call self%approach(d%surcharge, force)
+    call self%approach(merge(d%surcharge, 0.0_wp, d%grains%kind == kind_free), force)
     before = staggering_of(d)
     d%grains%extra_force(3, :) = (d%grains%extra_force(3, :) + d%surcharge) - force
     d%surcharge = force

@@ -365,21 +365,29 @@ contains
     type(dem_system_type) :: s
     type(dem_surcharge_type) :: surcharge
     type(error_list_type) :: errors
-    real(wp) :: x(3, 3)
+    real(wp) :: x(3, 4)
     real(wp), allocatable :: given(:)
-    x = reshape([1.0_wp, 1.0_wp, 1.0_wp, 4.0_wp, 1.0_wp, 1.0_wp, 3.0_wp, 5.0_wp, 1.0_wp], [3, 3])
-    call make_spheres(1.0e-3_wp*x, [kind_free, kind_free, kind_ghost], s)
+    x = reshape([1.0_wp, 1.0_wp, 1.0_wp, 4.0_wp, 1.0_wp, 1.0_wp, 3.0_wp, 5.0_wp, 1.0_wp, &
+                 7.0_wp, 1.0_wp, 1.0_wp], [3, 4])
+    call make_spheres(1.0e-3_wp*x, [kind_free, kind_free, kind_ghost, kind_free], s)
     surcharge%active = .true.
     surcharge%stress = 1.0e5_wp
     surcharge%upper = [5.0e-3_wp, 2.0e-3_wp]
     surcharge%follow = 20.0_wp
     allocate (surcharge%hole(3, 0))
-    given = [0.8_wp, 0.2_wp, 5.0_wp]
+    given = [0.8_wp, 0.2_wp, 5.0_wp, 3.0_wp]
     call surcharge%start(s%dem_data_type, given, 0.0_wp, 0_i8, errors)
     call test%check('no fault', .not. errors%any())
     call test%check_close('a twentieth towards its share', s%surcharge(1), 0.785_wp, 1.0e-14_wp)
     call test%check_close('held', s%grains%extra_force(3, 2), -0.215_wp, 1.0e-14_wp)
     call test%check_close('none on a ghost', s%surcharge(3), 0.0_wp, 0.0_wp)
+    call test%check_close('none beyond the area', s%surcharge(4), 0.0_wp, 0.0_wp)
+    s%grains%kind(2) = kind_ghost
+    s%par%overlapped = .true.
+    call surcharge%update(s%dem_data_type, 0.0_wp, 0_i8, errors)
+    call test%check_close('one that became a ghost leaves its load at once', s%surcharge(1), &
+                          0.5_wp, 1.0e-14_wp)
+    call test%check_close('and carries none', s%surcharge(2), 0.0_wp, 0.0_wp)
   end subroutine check_given
 
   !> A ghost between two free grains, where grains overlap with a solid: it keeps its share, which
