@@ -174,11 +174,11 @@ contains
       ' N at node '//str(o%start%solid_node)//', '//short_number(o%start%solid_share)// &
       ' of the largest load on a node, '
     if (held) then
-      call log%warn(seen//'are held by dead loads; that suffices for linear elements, others '// &
-        'lack the stress of their loads (&geostatic, &initial_stress)')
+      call log%warn('W431'//': '//seen//'are held by dead loads; that suffices for linear '// &
+        'elements, others lack the stress of their loads (&geostatic, &initial_stress)')
     else
-      call log%warn(seen//"move it: write initial = 'dead_load', or give elements of laws "// &
-        'with a state the stress of their loads (&geostatic, &initial_stress)')
+      call log%warn('W430'//': '//seen//"move it: write initial = 'dead_load', or give "// &
+        'elements of laws with a state the stress of their loads (&geostatic, &initial_stress)')
     end if
   end subroutine log_rest
 
