@@ -16,7 +16,7 @@ module cpl_overlap_hold
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: hold_solid, rest_beyond, rehearse
+  public :: hold_solid, hold_weight, rest_beyond, rehearse
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
 
@@ -48,6 +48,25 @@ contains
     if (allocated(o%start%hold)) call send_hold(o, solid, timers, errors)
     call select_one(o, solid, timers, errors)
   end subroutine hold_solid
+
+  !> Dead loads on the free grains against the weight of what elements outside give to the nodes
+  !! that follow them: it acts with the mass, and no stress carries it when the coupling begins.
+  subroutine hold_weight(o, gravity)
+    type(overlap_type), intent(inout) :: o
+    real(wp), intent(in) :: gravity(3)  !! [m/s^2]
+    real(wp) :: weight(3, o%op%prescribed), push(3, o%op%free)
+    integer(i4) :: a, g
+    do a = 1, o%op%prescribed
+      weight(:, a) = o%own%mass(a)*gravity
+    end do
+    push = 0.0_wp
+    call o%op%p%transposed(weight, push)
+    do g = 1, o%op%free
+      push(:, g) = push(:, g) + (o%own%factor(g) - 1.0_wp)*o%pack%mass(o%sets%free(g))*gravity
+    end do
+    o%forces%force_hold = o%forces%force_hold - push
+    call o%forces%parts%forget_dead()
+  end subroutine hold_weight
 
   !> Largest force that nothing balances at the free components of nodes, where it acts, and its
   !! share of the largest load.

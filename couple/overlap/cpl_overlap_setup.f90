@@ -20,7 +20,7 @@ module cpl_overlap_setup
     prescribed_phi_set, edge_phi_set, off_set
   use cpl_overlap_carry, only: carried_type, hold_difference
   use cpl_overlap_file, only: hash_of
-  use cpl_overlap_hold, only: hold_solid
+  use cpl_overlap_hold, only: hold_solid, hold_weight
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: share_mass, damp_fine_scale
@@ -386,6 +386,7 @@ contains
       else
         call o%forces%hold()
       end if
+      if (.not. o%rules%static) call hold_weight(o, solvers(side_grains)%gravity)
       call o%pull()
       call o%resist()
     end if
