@@ -1,17 +1,19 @@
-"""`talus measure`: a packing at a glance, regions of a deck by talus-dem, strength from tests."""
+"""`talus measure`: a packing, regions of a deck by talus-dem, strength and secants of tests."""
 
 import argparse
 import json
 import subprocess
+from dataclasses import asdict
 from pathlib import Path
 
 from talus import measure as measures
-from talus import strength
+from talus import secant, strength
 from talus.arguments import counting
 from talus.faults import FaultError
 from talus.fields import read_grains
 from talus.programs import find_program
 from talus.progress import watch
+from talus.specimens import read_specimen
 
 LAYERS = 5  # of the solid fraction
 PER_CENT = 100.0
@@ -33,6 +35,13 @@ def register(commands: argparse._SubParsersAction) -> None:
     )  # fmt: skip
     new.add_argument("--cone", choices=list(strength.CONES), default="compression",
                      help="where the cone meets Mohr and Coulomb's, as in talus-fem")  # fmt: skip
+    new.add_argument("--secant", type=float, nargs="+", metavar="STRAIN",
+                     help="secant modulus and Poisson's ratio to strains [-] of one *_walls.csv, "
+                     "and to half the strength")  # fmt: skip
+    new.add_argument("--beside", type=float, nargs=3, metavar=("VOLUME", "AREA", "RADIUS"),
+                     help="the same to the strain that a displaced volume [m3] makes at a radius "
+                     "[m] if it leaves through an area [m2]")  # fmt: skip
+    new.add_argument("--axis", choices="xyz", default="z", help="that is shortened, for --secant")
     new.add_argument("--json", action="store_true")
     new.set_defaults(run=measure)
 
@@ -44,6 +53,8 @@ def measure(options: argparse.Namespace) -> int:
     """
     if options.strength:
         return measure_strength(options)
+    if options.secant or options.beside:
+        return measure_secant(options)
     if len(options.source) > 1:
         raise FaultError("E557", "one file is measured at a time", "several only with --strength")
     options.source = options.source[0]
@@ -79,6 +90,27 @@ def measure_strength(options: argparse.Namespace) -> int:
     save_figure(strength.figure(tests, found), folder / "strength.png")
     if not options.json:
         print(folder / "strength.json", folder / "strength.png", sep="\n")
+    return 0
+
+
+def measure_secant(options: argparse.Namespace) -> int:
+    """Print secants of a test: to given strains, to that beside a body, to half the strength."""
+    if options.deck or len(options.source) > 1:
+        raise FaultError("E557", "--secant and --beside read one test between six walls",
+                         "only --axis and --json go with them")  # fmt: skip
+    test = read_specimen(options.source[0], options.axis)
+    strains = list(options.secant or [])
+    if options.beside:
+        strains.append(secant.strain_beside(*options.beside))
+    strains.append(secant.strain_to(test, 0.5))
+    found = [secant.secant_at(test, strain) for strain in strains]
+    if options.json:
+        print(json.dumps([asdict(one) for one in found]))
+        return 0
+    print(f"{'strain [%]':>10s} {'young [Pa]':>12s} {'poisson':>8s} {'of strength':>12s}")
+    for one in found:
+        print(f"{PER_CENT * one.strain:10.4g} {one.young_Pa:12.6g} {one.poisson:8.4f} "
+              f"{one.of_strength:12.4f}")  # fmt: skip
     return 0
 
 
