@@ -27,7 +27,15 @@ RIGID = 0.0225  # half the inner width of the medium container [m]
 NEAR_EDGE = 0.030  # where ghosts end if contacts between them do not count [m]
 NEAR = 0.005  # width of the layer of ghosts that may touch free grains [m]
 PROBE = 0.0225  # half-width of the box whose moduli are probed [m]
+RADIUS = 0.5 * (FREE_EDGE + NEAR_EDGE)  # middle of these ghosts [m]
+SIDES = 8.0 * RADIUS * (STROKE + BELOW)  # area through which displaced volume leaves there [m2]
 LINES = np.array([INNER, FREE_EDGE, NEAR_EDGE, GHOST_EDGE, 0.045, 0.0525, OUTER])
+
+
+def displaced(depth: np.ndarray | float) -> np.ndarray | float:
+    """Volume of the tool below the surface at a depth of its tip [m], [m3]."""
+    wide, high = TOOL_AXES[0], TOOL_AXES[2]
+    return np.pi * wide**2 * depth**2 * (3.0 * high - depth) / (3.0 * high**2)
 
 
 def half_width(packing: Packing) -> np.ndarray:

@@ -62,5 +62,6 @@ stage chord tested chord
 stage plastic tested plastic
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
+stage motion "$python" "$here/motion.py" .
 stage cost "$python" "$here/cost.py" .
 stage judge "$python" "$here/judge.py" .

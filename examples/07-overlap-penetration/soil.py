@@ -3,7 +3,8 @@
 Usage: soil.py sample OUT | shear OUT | fit OUT. `sample` cuts a box from OUT/pressed.h5 and writes
 the decks that bring it to rest under the stress of probe_probe.json; `shear` lets the next deck go
 on from there; `fit` reads the test, the stress and the height of the bed, and writes soil.json,
-soil.png and decks in chord/ and plastic/.
+soil.png and decks in chord/ and plastic/. Beside the chord to half the strength soil.json has the
+secant to the strain that the tool makes beside the free zone at the end of its stroke.
 """
 
 import json
@@ -11,10 +12,13 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from prepare import RADIUS, SIDES, STROKE, displaced
 
 from talus.look import COLOURS, new_figure, save_figure
 from talus.mesh import read_mesh
 from talus.packing import FREE, read_packing, write_packing_file
+from talus.secant import secant_at, strain_beside
+from talus.specimens import read_specimen
 from talus.verification import read_history
 
 HALF, LOW, HIGH = 0.0275, -0.015, 0.045  # half-width of the sample, its ends in the bed [m]
@@ -103,6 +107,14 @@ def rest_of(out: Path) -> dict[str, float]:
     return {"k0": stress["level"] / stress["upright"], "top": top}
 
 
+def beside(out: Path) -> dict[str, float]:
+    """Secant to the strain beside the free zone at the end of the stroke, and what it uses."""
+    strain = strain_beside(float(displaced(STROKE)), SIDES, RADIUS)
+    found = secant_at(read_specimen(out / "shear_walls.csv", "x"), strain)
+    return {"strain_beside": strain, "young_beside_Pa": found.young_Pa,
+            "poisson_beside": found.poisson, "of_strength_beside": found.of_strength}  # fmt: skip
+
+
 def draw(out: Path, soil: dict[str, float]) -> None:
     """The test, and the chord that stands for it."""
     test = test_of(out)
@@ -127,7 +139,7 @@ def main() -> int:
     elif step == "shear":
         go_on(out)
     else:
-        soil = fit(out) | rest_of(out)
+        soil = fit(out) | rest_of(out) | beside(out)
         (out / "soil.json").write_text(json.dumps(soil, indent=2) + "\n")
         draw(out, soil)
         for name in ("chord", "plastic"):
