@@ -14,9 +14,11 @@ from talus.look import COLOURS, new_figure, save_figure
 from talus.plots import force_curve
 
 CHORD, YIELDING, STIFF = "overlap, chord", "overlap, yielding", "overlap, probed"
+WIDE = "overlap, chord, wider"
 RUNS = {"all grains": "truth", CHORD: "chord/grains", YIELDING: "plastic/grains", STIFF: "grains",
-        "rigid box": "rigid"}  # fmt: skip
-WALL = RUNS | {CHORD: "chord/chord", YIELDING: "plastic/plastic", STIFF: "coupled"}
+        "rigid box": "rigid", WIDE: "wide/grains"}  # fmt: skip
+WALL = RUNS | {CHORD: "chord/chord", YIELDING: "plastic/plastic", STIFF: "coupled",
+               WIDE: "wide/chord"}  # fmt: skip
 BANDS = ((0.0, 5.0), (5.0, 10.0), (10.0, 20.0))  # depth [mm]
 COUPLING = ("projection and maps", "pull-backs", "works", "audit and log", "exchange")
 MODE = "gravity and 100 kPa on the surface, E = 2.9 GPa, 0.25 m/s, no background damping"

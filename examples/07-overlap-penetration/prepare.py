@@ -50,6 +50,12 @@ def with_tool(packing: Packing) -> Packing:
     return add_tool(packing, TOOL_AXES, None)
 
 
+def top_of(bed: Packing) -> float:
+    """Height of the mesh: no ghost is above it [m]."""
+    ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
+    return float(bed.x[ring, 2].max() + 1.0e-6)
+
+
 def levels(top: float, deep: bool) -> np.ndarray:
     """Where grains alone, free grains and ghosts end below [m]."""
     if deep:
@@ -143,8 +149,7 @@ def main() -> int:
     bed, out = read_packing(Path(sys.argv[1])), Path(sys.argv[2])
     at = 1e-3 * np.array([float(text) for text in sys.argv[3:5]] or [0.0, 0.0])
     bed.x[:, :2] -= at
-    ring = (half_width(bed) > FREE_EDGE) & (half_width(bed) < GHOST_EDGE) & (bed.kind == FREE)
-    top = float(bed.x[ring, 2].max() + 1.0e-6)
+    top = top_of(bed)
     level = levels(top, "deep" in sys.argv[5:])
     pieces = {"truth": whole(bed, at), "core": core(bed, level, GHOST_EDGE),
               "near": core(bed, level, NEAR_EDGE),

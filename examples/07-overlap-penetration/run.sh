@@ -51,6 +51,14 @@ tested() {
   "$TALUS_BIN/talus-couple" "$1.nml" --restart=auto
 }
 
+# the chord with free grains to 30 mm
+wide() {
+  "$python" "$here/wide.py" .
+  cd wide
+  sed -i "0,/threads = 1/s//threads = $threads/" chord.nml
+  "$TALUS_BIN/talus-couple" chord.nml --restart=auto
+}
+
 cp "$here"/*.nml "$out"
 stage fall fall
 stage press solver dem press.nml
@@ -60,6 +68,7 @@ stage soil soil
 stage coupled coupled
 stage chord tested chord
 stage plastic tested plastic
+stage wide wide
 stage rigid solver dem rigid.nml
 stage truth solver dem truth.nml
 stage motion "$python" "$here/motion.py" .
