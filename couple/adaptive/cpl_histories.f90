@@ -4,7 +4,7 @@
 !! A knot is set where F has changed by more than `step` or turned since the last one; at most
 !! `most` of them, then every second goes. Elements whose stretches agree at all knots share a
 !! history; those that have hardly been strained have none: their grains wake as the tile is.
-!! eq. C.21
+!! eq. C.22
 module cpl_histories
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
