@@ -21,12 +21,13 @@ from talus.commands import (
     render,
     report,
     study,
+    view,
 )
 from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor, study,
+    explain, doctor, study, view,
 )  # fmt: skip
 
 

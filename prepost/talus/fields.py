@@ -1,6 +1,8 @@
 """Field files run.h5 of the solvers: read single steps, follow grains, write VTU series."""
 
-from collections.abc import Iterable
+import copy
+import itertools
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -128,6 +130,44 @@ class FieldFile:
             return numbers(mesh["x"]), cells
         except DAMAGE as fault:
             raise FaultError("E542", f"{self.path}, mesh: {fault.args[-1]}") from fault
+
+    def places(self, step: int) -> tuple[np.ndarray, np.ndarray, Cell | None]:
+        """Ids (n), centres (n, 3) [m] of the grains of a step, by id, and the cell."""
+        try:
+            group = self.file["steps"][self.names[step]]
+            if "grains" not in group:
+                return np.zeros(0, int), np.zeros((0, 3)), None
+            number, x = numbers(group["grains/id"]), numbers(group["grains/x"])
+            cell = None
+            if "cell" in group:
+                part = all_numbers(group["cell"])
+                cell = Cell(part["vectors"], part["origin"], part["periodic"] > 0)
+            order = np.argsort(number, kind="stable")
+            return number[order], x[order], cell
+        except DAMAGE as fault:
+            raise FaultError("E542", f"{self.path}, step {step}: {fault.args[-1]}") from fault
+
+    def entries(self) -> Iterator[Snapshot]:
+        """Yield, step by step, the grains there (`id`, `x`) where they entered, and the first cell.
+
+        A grain enters at the first step of an unbroken row of steps that hold it. With a cell the
+        places are carried by its flow to the first step, so that all belong to one cell.
+        """
+        known, start, first = np.zeros(0, int), np.zeros((0, 3)), None
+        for step in range(len(self)):
+            number, x, cell = self.places(step)
+            first = cell if step == 0 else first
+            if step and first is not None and cell is not None:
+                x = first.flow(cell, x)
+            _, there, here = np.intersect1d(known, number, return_indices=True)
+            x[here] = start[there]
+            known, start = number, x
+            found = {"id": known.copy(), "x": start.copy()}
+            yield Snapshot(0.0, found, cell=copy.deepcopy(first))
+
+    def entry(self, step: int) -> Snapshot:
+        """Return the grains of a step where they entered: see `entries`."""
+        return next(itertools.islice(self.entries(), step % len(self), None))
 
     def read(self, step: int) -> Snapshot:
         """Read one step; negative numbers count from the end."""
