@@ -43,6 +43,7 @@ ORDER += [
     "breakage",
     "measures",
     "prepost",
+    "view",
     "study",
     "theory-dem",
     "theory-fem",

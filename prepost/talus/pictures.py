@@ -3,6 +3,7 @@
 import ctypes
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -17,10 +18,12 @@ from talus.packing import DRIVEN, FIXED
 
 MILLI = 1.0e3
 COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]",
-              "generation": "generation [-]"}  # fmt: skip
+              "generation": "generation [-]", "role": "role"}  # fmt: skip
 DRAWING = ("libEGL.so.1", "libOSMesa.so.8", "libOSMesa.so")  # libraries that VTK loads
 ENDINGS = (".png", ".jpg", ".jpeg", ".tif", ".bmp")
 VIEW = np.array([0.95, -1.0, 0.62])  # from the cut quarter (+x, -y), from above
+ROLES = {0: ("free", "#d9a441"), 1: ("fixed", "#9aa3ad"), 2: ("driven", "#c0392b"),
+         3: ("ghost", "#5b9bd0")}  # fmt: skip
 WALL_GREY, TOOL_RED, SOLID_SAND = "#9aa3ad", "#c0392b", "#d8c7a3"
 
 
@@ -53,29 +56,60 @@ def load_pyvista() -> object:
     return pyvista
 
 
-def render(
-    grains: Path, solid: Path | None, step: int, color: str, output: Path, size: tuple[int, int]
-) -> None:
-    """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
-    if output.suffix not in ENDINGS:
+class Look(NamedTuple):
+    """What an image is coloured by, its pixels, and what images of a series have in common.
+
+    These are the top of the colours and the bounds x, x, y, y, z, z [mm]; None: those of the step.
+    """
+
+    color: str
+    size: tuple[int, int]
+    top: float | None = None
+    bounds: tuple[float, ...] | None = None
+
+
+def check_name(output: Path, endings: tuple[str, ...] = ENDINGS) -> None:
+    """Raise a fault (E554) for a name that no image can have."""
+    if output.suffix not in endings:
         raise FaultError("E554", f"no image can be written as '{output.name}'", "end it with .png")
+
+
+def render(grains: Path, solid: Path | None, step: int, output: Path, look: Look) -> None:
+    """Write a PNG of the grains at a step, coloured, with the block of `solid` around them."""
+    check_name(output)
     pyvista = load_pyvista()
     with FieldFile(grains) as fields:
-        first, now = fields.read(0), fields.read(step)
+        now = fields.read(step)
+        entry = fields.entry(step)
+        surfaces = fields.read(0).surfaces
     if not now.grains:
         raise FaultError(
             "E543", f"{grains} holds no grains", "give grains.h5 first, --solid after it"
         )
-    plotter = pyvista.Plotter(off_screen=True, window_size=list(size))
+    entry.surfaces = surfaces
+    plotter = scene(pyvista, entry, now, solid, look)
+    try:
+        make_folder(output.parent)
+        with replaced(output) as temporary:
+            plotter.screenshot(str(temporary))
+    finally:
+        plotter.close()
+
+
+def scene(
+    pyvista: object, entry: Snapshot, now: Snapshot, solid: Path | None, look: Look
+) -> object:
+    """Return a plotter with all that an image shows."""
+    plotter = pyvista.Plotter(off_screen=True, window_size=list(look.size))
     plotter.set_background("white")
     if now.cell is not None:
-        fold(first, now)
+        fold(entry, now)
         add_cell(pyvista, plotter, now.cell)
-    add_grains(pyvista, plotter, first, now, color)
+    add_grains(pyvista, plotter, entry, now, look)
     nodes = np.empty((0, 3))
     if solid is not None:
         nodes = add_solid(pyvista, plotter, solid, now.time)
-    add_surfaces(pyvista, plotter, first, now, nodes)
+    add_surfaces(pyvista, plotter, entry, now, nodes)
     low, high = np.reshape(plotter.bounds, (3, 2)).T
     text = f"t = {now.time:.4g} s\n{' x '.join(f'{d:.3g}' for d in high - low)} mm"
     plotter.add_text(text, position=(0.02, 0.92), viewport=True, font_size=11, color="black")
@@ -83,14 +117,9 @@ def render(
     plotter.enable_parallel_projection()
     plotter.camera_position = [tuple(10.0 * VIEW), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)]
     plotter.enable_anti_aliasing("ssaa")
-    plotter.reset_camera()
+    plotter.reset_camera(bounds=look.bounds)
     plotter.camera.zoom(1.15)
-    try:
-        make_folder(output.parent)
-        with replaced(output) as temporary:
-            plotter.screenshot(str(temporary))
-    finally:
-        plotter.close()
+    return plotter
 
 
 def fold(first: Snapshot, now: Snapshot) -> None:
@@ -119,7 +148,7 @@ def in_cut(x: np.ndarray) -> np.ndarray:
 
 
 def values_of(first: Snapshot, now: Snapshot, color: str) -> np.ndarray:
-    """Values that the grains are coloured by (n): displacement, speed or force, with its unit."""
+    """Values that the grains are coloured by (n): displacement since `first`, speed or force."""
     if color == "force":
         if "force" not in now.grains:
             raise FaultError("E543", "the field file holds no forces", "colour by another field")
@@ -142,33 +171,54 @@ def round_above(value: float) -> float:
 
 
 def add_grains(
-    pyvista: object, plotter: object, first: Snapshot, now: Snapshot, color: str
+    pyvista: object, plotter: object, first: Snapshot, now: Snapshot, look: Look
 ) -> None:
-    """Add the grains outside the cut: free coloured, walls grey, the penetrator whole and red."""
+    """Add the grains outside the cut: free coloured, walls grey, the penetrator whole and red.
+
+    By role all have the colour of their kind, and a legend names it.
+    """
     g = now.grains
     kind = g["kind"]
     shown = ~in_cut(g["x"])
-    free = shown & ~np.isin(kind, (FIXED, DRIVEN, GHOST))
-    walls = shown & np.isin(kind, (FIXED, GHOST))
-    if free.any():
-        values = values_of(first, now, color)[free]
-        top = round_above(max(float(np.quantile(values, 0.99)), 1.0e-12))
-        labels = 6
-        if color == "generation":
-            top = max(float(values.max()), 1.0)
-            labels = int(top) + 1
-        if values.max() > top:
-            note = f"some grains above the scale: up to {values.max():.3g}"
-            plotter.add_text(note, position=(0.02, 0.02), viewport=True, font_size=8, color="black")
-        bar = {"title": COLOURS_OF[color], "color": "black", "vertical": True, "position_x": 0.88,
-               "position_y": 0.25, "height": 0.5, "n_labels": labels, "fmt": "%.3g"}  # fmt: skip
-        mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
-        colours = {"scalars": "value", "cmap": "viridis", "clim": (0.0, top)}
-        plotter.add_mesh(mesh, smooth_shading=True, scalar_bar_args=bar, **colours)
-    for rows, colour in ((walls, WALL_GREY), (kind == DRIVEN, TOOL_RED)):
+    if look.color == "role":
+        sets = [(shown & (kind == k) | (kind == k) & (k == DRIVEN), *ROLES[k]) for k in ROLES]
+        plotter.add_legend([list(role) for role in ROLES.values()], bcolor="white", face="circle",
+                           size=(0.12, 0.14), loc="center right")  # fmt: skip
+    else:
+        add_free(pyvista, plotter, first, now, look)
+        walls = shown & np.isin(kind, (FIXED, GHOST))
+        sets = [(walls, "walls", WALL_GREY), (kind == DRIVEN, "driven", TOOL_RED)]
+    for rows, _, colour in sets:
         if rows.any():
             mesh = ellipsoids(pyvista, g, np.flatnonzero(rows), np.zeros(int(rows.sum())))
             plotter.add_mesh(mesh, color=colour, smooth_shading=True)
+
+
+def top_of(values: np.ndarray) -> float:
+    """Top of the colours for values: a round number above all but the largest hundredth."""
+    return round_above(max(float(np.quantile(values, 0.99)), 1.0e-12))
+
+
+def add_free(pyvista: object, plotter: object, first: Snapshot, now: Snapshot, look: Look) -> None:
+    """Add the free grains outside the cut, coloured by a field with its bar."""
+    g = now.grains
+    free = ~in_cut(g["x"]) & ~np.isin(g["kind"], (FIXED, DRIVEN, GHOST))
+    if not free.any():
+        return
+    values = values_of(first, now, look.color)[free]
+    top, labels = look.top or top_of(values), 6
+    if look.color == "generation":
+        top = max(float(values.max()), 1.0)
+        labels = int(top) + 1
+    if values.max() > top:
+        note = f"some grains above the scale: up to {values.max():.3g}"
+        plotter.add_text(note, position=(0.02, 0.02), viewport=True, font_size=8, color="black")
+    bar = {"title": COLOURS_OF[look.color], "color": "black", "vertical": True, "position_x": 0.88,
+           "position_y": 0.25, "height": 0.5, "n_labels": labels,
+           "fmt": "%.3g"}  # fmt: skip
+    mesh = ellipsoids(pyvista, g, np.flatnonzero(free), values)
+    colours = {"scalars": "value", "cmap": "viridis", "clim": (0.0, top)}
+    plotter.add_mesh(mesh, smooth_shading=True, scalar_bar_args=bar, **colours)
 
 
 def ellipsoids(

@@ -11,11 +11,10 @@ from talus import version, view_data
 from talus.faults import FaultError
 from talus.fields import FieldFile, has_steps
 from talus.files import make_folder, replaced
+from talus.pictures import ROLES
 from talus.view_data import Page
 
 HERE = Path(__file__).parent
-ROLES = {0: ("free", "#d9a441"), 1: ("fixed", "#9aa3ad"), 2: ("driven", "#c0392b"),
-         3: ("ghost", "#5b9bd0")}  # fmt: skip
 
 
 def files_of(run: Path, solid: Path | None) -> tuple[Path | None, Path | None]:

@@ -10,9 +10,10 @@ import h5py
 import numpy as np
 import pytest
 
-from talus import cli, view, view_data
+from talus import cli, picture_series, view, view_data
 from talus.faults import FaultError
 from talus.fields import FieldFile
+from talus.pictures import Look, load_pyvista
 
 BROWSER = shutil.which("chromium") or shutil.which("google-chrome")
 X = np.array([[0.0, 0, 0], [0.003, 0, 0], [0, 0.004, 0.001], [0, 0, 0.004]])
@@ -107,6 +108,36 @@ def test_skin() -> None:
     assert len(triangles) == 20 and len(edges) == 20
     assert np.isclose(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2.0, 10.0)
     assert np.isclose((a * np.cross(b, c)).sum() / 6.0, 2.0)  # outward: the volume
+
+
+def test_series(run: Path, tmp_path: Path) -> None:
+    """A series has one scale: the largest displacement since entry, and the bounds of all steps."""
+    look = picture_series.common(run, range(3), Look("displacement", (200, 150)))
+    assert look.top == 2.0  # mm, of the third step
+    assert np.allclose(look.bounds, [-2.0, 5.0, -2.0, 6.0, -4.0, 3.0])
+    with pytest.raises(FaultError, match="a.xyz") as fault:
+        picture_series.write(run, None, 1, tmp_path / "a.xyz", look)
+    assert fault.value.code == "E554"
+
+
+def test_gif_by_role(run: Path, tmp_path: Path) -> None:
+    """A GIF has an image a step, and a ghost that becomes free changes its colour."""
+    image = pytest.importorskip("PIL.Image")
+    try:
+        load_pyvista()
+    except FaultError:
+        pytest.skip("nothing to draw with")
+    target = tmp_path / "role.gif"
+    words = ["render", str(run), "--color", "role", "--every", "2", "--size", "300", "200"]
+    assert cli.main([*words, "-o", str(target)]) == 0
+    film = image.open(target)
+    assert film.n_frames == 2
+    blue = []
+    for k in range(2):
+        film.seek(k)
+        pixel = np.asarray(film.convert("RGB"), float)[:, :200]
+        blue.append(int((pixel[..., 2] > pixel[..., 0] + 40.0).sum()))
+    assert blue[0] > 200 and blue[1] < 0.05 * blue[0]
 
 
 @pytest.mark.parametrize(

@@ -3,7 +3,8 @@
 import argparse
 from pathlib import Path
 
-from talus import network, pictures, sets_picture
+from talus import network, picture_series, pictures, sets_picture
+from talus.arguments import counting
 
 
 def pixels(text: str) -> int:
@@ -24,6 +25,9 @@ def register(commands: argparse._SubParsersAction) -> None:
         "--sets", type=Path, help="*_sets.h5 of a run with overlap: colours by set (needs --solid)"
     )
     new.add_argument("--step", type=int, default=-1, help="step, negative from the end")
+    new.add_argument(
+        "--every", type=counting, metavar="N", help="every Nth step: numbered PNGs, or one .gif"
+    )
     new.add_argument("--color", choices=sorted(pictures.COLOURS_OF), default="displacement")
     new.add_argument(
         "--size", type=pixels, nargs=2, default=(1400, 1050), help="width and height [pixels]"
@@ -45,13 +49,13 @@ def render(options: argparse.Namespace) -> int:
         )  # fmt: skip
         print(options.output)
         return 0
-    pictures.render(
-        options.grains,
-        options.solid,
-        options.step,
-        options.color,
-        options.output,
-        tuple(options.size),
-    )
+    look = pictures.Look(options.color, tuple(options.size))
+    if options.every:
+        for path in picture_series.write(
+            options.grains, options.solid, options.every, options.output, look
+        ):
+            print(path)
+        return 0
+    pictures.render(options.grains, options.solid, options.step, options.output, look)
     print(options.output)
     return 0
