@@ -4,7 +4,15 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from talus import boundary_plots, cell_plots, grading_plots, measure_plots, plots, specimens
+from talus import (
+    boundary_plots,
+    cell_plots,
+    flow_plots,
+    grading_plots,
+    measure_plots,
+    plots,
+    specimens,
+)
 
 QUIET = ("E543", "E548", "E558")  # no grains or contacts, no ghosts, no box: nothing to draw
 
@@ -36,6 +44,13 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
     add("*_probe.json", measure_plots.probe)
     add("*_surfaces.csv", boundary_plots.figure)
+    add("*_conversions.csv", flow_plots.conversions)
+    add("*_window.csv", flow_plots.window)
+    add("*_sources.csv", flow_plots.through)
+    fed = {path.stem.removesuffix("_sources") for path in folder.glob("*_sources.csv")}
+    for path in sorted(folder.glob("*_sinks.csv")):
+        if path.stem.removesuffix("_sinks") not in fed:
+            found.append(Exhibit(path, lambda p=path: flow_plots.through(p), f"{path.stem}.png"))
     driven = sorted(folder.glob("*_driven.csv"))
     if driven:
         found.append(Exhibit(driven[0], lambda: force_of_all(driven), "force_penetration.png"))

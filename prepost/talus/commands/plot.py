@@ -7,6 +7,7 @@ from pathlib import Path
 from talus import (
     boundary_plots,
     cell_plots,
+    flow_plots,
     gallery,
     grading_plots,
     measure_plots,
@@ -17,7 +18,13 @@ from talus import (
 from talus.faults import FaultError
 
 KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
-         "probe", "boundary", "profile", "grading")  # fmt: skip
+         "probe", "boundary", "profile", "flow", "window", "conversions",
+         "grading")  # fmt: skip
+OF_ONE = {
+    "measure": measure_plots.history, "cell": cell_plots.figure, "probe": measure_plots.probe,
+    "boundary": boundary_plots.figure, "grading": grading_plots.figure, "flow": flow_plots.through, "window": flow_plots.window,
+    "conversions": flow_plots.conversions, "audit": plots.audit, "energy": plots.energy,
+}  # fmt: skip
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -67,22 +74,11 @@ def plot(options: argparse.Namespace) -> int:
         return save(work(source, options.step), options.output or Path(name))
     if options.what == "slice":
         return plot_slice(source, options)
-    if options.what == "measure":
-        return save(measure_plots.history(source), options.output or Path(f"{source.stem}.png"))
-    if options.what == "cell":
-        return save(cell_plots.figure(source), options.output or Path(f"{source.stem}.png"))
-    if options.what == "grading":
-        return save(grading_plots.figure(source), options.output or Path(f"{source.stem}.png"))
-    if options.what == "probe":
-        return save(measure_plots.probe(source), options.output or Path(f"{source.stem}.png"))
-    if options.what == "boundary":
-        return save(boundary_plots.figure(source), options.output or Path(f"{source.stem}.png"))
     if options.what == "ghosts":
         return save(
             plots.ghosts(source, options.step), options.output or Path("ghost_displacement.png")
         )
-    figure = plots.audit(source) if options.what == "audit" else plots.energy(source)
-    return save(figure, options.output or Path(f"{source.stem}.png"))
+    return save(OF_ONE[options.what](source), options.output or Path(f"{source.stem}.png"))
 
 
 def plot_profile(options: argparse.Namespace) -> int:
