@@ -79,9 +79,8 @@ def render(grains: Path, solid: Path | None, step: int, output: Path, look: Look
     check_name(output)
     pyvista = load_pyvista()
     with FieldFile(grains) as fields:
-        now = fields.read(step)
-        entry = fields.entry(step)
         surfaces = fields.read(0).surfaces
+        now, entry = fields.read(step), fields.entry(step)
     if not now.grains:
         raise FaultError(
             "E543", f"{grains} holds no grains", "give grains.h5 first, --solid after it"

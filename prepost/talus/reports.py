@@ -3,10 +3,12 @@
 import base64
 import html
 import json
+import tempfile
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from talus import gallery, version
+from talus import gallery, lights, pictures, version, view
 from talus.faults import FaultError
 from talus.look import figure_bytes
 
@@ -18,6 +20,12 @@ table{border-collapse:collapse;margin:.6rem 1.5rem .6rem 0;font-size:.9em;displa
 vertical-align:top}td,th{border:1px solid #cfd6de;padding:.2rem .6rem;text-align:left}
 th{background:#f3f1ec;font-weight:600}img{max-width:100%}figcaption{color:#5c6570;font-size:.9em}
 .bad{color:#b00020;font-weight:700}.good{color:#1f6f3d;font-weight:700}footer{color:#7a828c;margin-top:3rem}
+.light{display:flex;gap:.8rem;align-items:flex-start;margin:.6rem 0;padding:.5rem .8rem;
+border-left:5px solid;background:#f7f8f9}.lamp{flex:none;width:1.1rem;height:1.1rem;
+border-radius:50%;margin-top:.15rem}.green{border-color:#1f8f4d}.green .lamp{background:#1f8f4d}
+.amber{border-color:#e0a100}.amber .lamp{background:#e0a100}.red{border-color:#c0182b}
+.red .lamp{background:#c0182b}.do{color:#444c56}.whole{font-size:1.05rem}
+summary{cursor:pointer;font-weight:600;margin:.5rem 0}
 """
 MAIN_ROWS = (
     "version",
@@ -29,8 +37,20 @@ MAIN_ROWS = (
     "time_s",
     "grain_steps_per_s",
 )
-ENDS = {0: "finished", 1: "fault of the input", 2: "numerical fault", 3: "stopped early",
-        4: "fault of the system", 5: "bug"}  # fmt: skip
+
+
+@dataclass
+class Run:
+    """A program of a run by its summary: name, facts, light."""
+
+    name: str
+    facts: dict
+    light: lights.Light
+
+    @property
+    def program(self) -> str:
+        """Name of the program."""
+        return str(self.facts.get("program", ""))
 
 
 def read_summary(path: Path) -> dict:
@@ -64,24 +84,25 @@ def table(title: str, rows: dict[str, object]) -> str:
     return f'<table><tr><th colspan="2">{html.escape(title)}</th></tr>{body}</table>'
 
 
-def run_section(path: Path) -> str:
-    """Return the part of the page on one run."""
-    facts = read_summary(path)
-    code = facts.get("exit_code")
-    kind = "good" if code == 0 else "bad"
-    end = ENDS.get(code, "unknown end") if isinstance(code, int) else "unknown end"
-    name = path.name.removesuffix("_summary.json")
-    program = html.escape(str(facts.get("program", "")))
-    parts = [
-        f'<h2>{html.escape(name)}: {program}, <span class="{kind}">{html.escape(end)}</span></h2>'
-    ]
-    parts.append(table("run", {row: facts[row] for row in MAIN_ROWS if row in facts}))
+def runs_of(folder: Path) -> list[Run]:
+    """Return the programs of a folder that have a summary, in the order of their names."""
+    if not folder.is_dir():
+        raise FaultError("E553", f"no such folder: {folder}")
+    found = []
+    for path in sorted(folder.glob("*_summary.json")):
+        facts = read_summary(path)
+        name = path.name.removesuffix("_summary.json")
+        found.append(Run(name, facts, lights.light_of(facts)))
+    return found
+
+
+def tables(run: Run) -> str:
+    """Return the tables of a summary, folded."""
+    facts = run.facts
+    parts = [table("run", {row: facts[row] for row in MAIN_ROWS if row in facts})]
     parts += [table(key, value) for key, value in facts.items() if isinstance(value, dict)]
-    for error in facts.get("errors", []):
-        code, message, place, hint = (error.get(k) for k in ("code", "message", "place", "hint"))
-        text = f"{code}: {message} ({place}) {hint}"
-        parts.append(f'<p class="bad">{html.escape(text)}</p>')
-    return "\n".join(parts)
+    title = html.escape(f"{run.name}: {run.program}")
+    return f"<details><summary>{title}</summary>{''.join(parts)}</details>"
 
 
 def picture(data: bytes, caption: str) -> str:
@@ -94,30 +115,67 @@ def picture(data: bytes, caption: str) -> str:
     )
 
 
-def build(folder: Path, title: str) -> str:
-    """Return the page: summaries, the folder's PNGs, and figures that have no PNG yet."""
-    if not folder.is_dir():
-        raise FaultError("E553", f"no such folder: {folder}")
-    summaries = sorted(folder.glob("*_summary.json"))
+def image_of(folder: Path) -> list[str]:
+    """Return an image of grains and solid at the last step as HTML, if it can be drawn."""
+    try:
+        grains, solid = view.files_of(folder, None)
+        if grains is None:
+            return []
+        with tempfile.TemporaryDirectory() as place:
+            path = Path(place) / "view3d.png"
+            look = pictures.Look("displacement", (1100, 800))
+            pictures.render(grains, solid, -1, path, look)
+            return [picture(path.read_bytes(), f"{grains.name}, last step")]
+    except FaultError as fault:
+        if fault.code in (*gallery.QUIET, "E550", "E602"):
+            return []
+        return [f'<p class="bad">{html.escape(str(fault))}</p>']
+
+
+def figures(folder: Path) -> list[str]:
+    """Return the PNGs of a folder (or an image of its run), and figures without PNG, as HTML."""
     images = sorted(folder.glob("*.png"))
     drawn = {path.name for path in images}
-    missing = [one for one in gallery.exhibits(folder) if one.name not in drawn]
-    if not summaries and not images and not missing:
-        raise FaultError(
-            "E553", f"{folder} holds no results", "*_summary.json, *.png, *_energy.csv"
-        )
-    parts = [run_section(path) for path in summaries]
-    if images or missing:
-        parts.append("<h2>Figures</h2>")
-    parts += [picture(path.read_bytes(), path.name) for path in images]
-    for exhibit in missing:
+    parts = [picture(path.read_bytes(), path.name) for path in images] or image_of(folder)
+    for exhibit in gallery.exhibits(folder):
+        if exhibit.name in drawn:
+            continue
         try:
             parts.append(picture(figure_bytes(exhibit.work()), exhibit.name))
         except FaultError as fault:
             if fault.code not in gallery.QUIET:
                 parts.append(f'<p class="bad">{html.escape(str(fault))}</p>')
+    return parts
+
+
+def build(folder: Path, title: str) -> str:
+    """Return the page: pictures and plots, the light of each program, tables folded."""
+    runs = runs_of(folder)
+    shapes = figures(folder)
+    if not runs and not shapes:
+        raise FaultError(
+            "E553", f"{folder} holds no results", "*_summary.json, *.png, *_energy.csv"
+        )
+    parts = []
+    if runs:
+        worst = lights.worst([run.light for run in runs])
+        text = {"green": "All is well", "amber": "Look at the notes", "red": "Do not trust it yet"}
+        parts.append(
+            f'<div class="light whole {worst}"><span class="lamp"></span><div><b>{text[worst]}</b>'
+            f' (<a href="#health">{worst}</a>)</div></div>'
+        )
+    parts += shapes
+    if runs:
+        parts.append('<h2 id="health">Health</h2>')
+        parts += [lights.panel(run.name, run.program, run.light) for run in runs]
+        parts += ["<h2>Numbers</h2>", *map(tables, runs)]
+    return page_of(title or f"Results in {folder.resolve().name}", parts)
+
+
+def page_of(title: str, parts: list[str]) -> str:
+    """Return a whole page of HTML with its style, the date and the version."""
     date = datetime.now().astimezone().strftime("%Y-%m-%d %H:%M %Z")
-    head = html.escape(title or f"Results in {folder.resolve().name}")
+    head = html.escape(title)
     return (
         f'<!doctype html>\n<html lang="en"><head><meta charset="utf-8"><title>{head}</title>'
         f"<style>{STYLE}</style></head><body><h1>{head}</h1><p>{date}</p>\n"

@@ -1,0 +1,90 @@
+"""Reports: lights tell why and what to do, tables are folded, several runs are compared."""
+
+import json
+from pathlib import Path
+
+import pytest
+
+from talus import cli, lights, report_compare, reports
+from talus.faults import FaultError
+
+GOOD = {"program": "talus-dem", "version": "1", "deck": "run.nml", "exit_code": 0, "steps": 100,
+        "wall_time_s": 2.0, "health": {"verdict": "green", "notes": "", "max_overlap": 0.01},
+        "errors": []}  # fmt: skip
+NOTE = "health amber: the energy error 0.0866, limit 0.0100"
+FAULT = {"code": "N001", "message": "it flew", "place": "run.nml", "hint": "a smaller dt"}
+LEDGER = "time [s],kinetic [J],friction [J]\n0.0,0.0,0.0\n0.1,{0},1.0\n"
+
+
+def write_run(folder: Path, kinetic: float = 1.0, **changes: object) -> Path:
+    """Write a summary and a ledger into a folder."""
+    folder.mkdir()
+    (folder / "run_summary.json").write_text(json.dumps(GOOD | changes))
+    (folder / "run_energy.csv").write_text(LEDGER.format(kinetic))
+    return folder
+
+
+@pytest.mark.parametrize(
+    "changes, colour, why, cure",
+    [
+        ({}, "green", "within its limits", ""),
+        ({"health": {}}, "green", "judges no figures", ""),
+        ({"health": {"verdict": "amber", "notes": NOTE}}, "amber", "The energy error 0.0866",
+         "smaller dt"),
+        ({"health": {"verdict": "red", "notes": NOTE.replace("amber", "red")},
+          "exit_code": 2, "errors": [FAULT]}, "red", "N001: it flew", "talus explain N001"),
+        ({"exit_code": 3}, "amber", "stopped early", "--restart=auto"),
+        ({"exit_code": 5}, "red", "bug", ""),
+        ({"exit_code": None}, "red", "unknown end", ""),
+    ],
+)  # fmt: skip
+def test_lights(changes: dict, colour: str, why: str, cure: str) -> None:
+    """Colour, reason and remedy follow from the summary."""
+    light = lights.light_of(GOOD | changes)
+    assert light.colour == colour
+    assert why in " ".join(light.why) and cure in " ".join(light.cure)
+
+
+def test_notes_of_the_programs_have_cures() -> None:
+    """Every figure that a program judges has a remedy here."""
+    root = Path(__file__).parents[2]
+    files = ("dem/run/dem_judgement.f90", "fem/run/fem_judgement.f90",
+             "couple/methods/cpl_judgement.f90")  # fmt: skip
+    text = "".join((root / name).read_text() for name in files)
+    assert all(words in text for words, _ in lights.CURES)
+    assert text.count("%judge(") == 8  # a new figure needs a remedy in lights.CURES
+
+
+def test_order_of_the_page(tmp_path: Path) -> None:
+    """Figures come first, then the lights, then folded tables."""
+    notes = {"verdict": "amber", "notes": NOTE}
+    page = reports.build(write_run(tmp_path / "one", health=notes), "")
+    places = [page.index(text) for text in ("<figure>", '<h2 id="health">', "<details>", "<table>")]
+    assert places == sorted(places)
+    assert page.index("Look at the notes") < places[0]
+    assert "What to do: Take a smaller dt" in page
+
+
+def test_compare(tmp_path: Path) -> None:
+    """Several runs: one figure of the ledgers, a light a run, ratios of numbers that differ."""
+    one, two = write_run(tmp_path / "one"), write_run(tmp_path / "two", 2.0, steps=250)
+    target = tmp_path / "page.html"
+    assert cli.main(["report", str(one), str(two), "-o", str(target)]) == 0
+    page = target.read_text()
+    assert "<b>250</b> (× 2.5)" in page and "one: run" in page and "two: run" in page
+    assert page.count("<figure>") == 1
+    fig = report_compare.energies({"one": one, "two": two})
+    lines = {line.get_label(): line.get_ydata()[-1] for line in fig.axes[0].lines}
+    assert lines == {"one": 1.0, "two": 2.0}
+
+
+def test_compare_faults(tmp_path: Path) -> None:
+    """A folder twice is E604, one without summaries E553."""
+    one = write_run(tmp_path / "one")
+    with pytest.raises(FaultError) as fault:
+        report_compare.build([one, one], "")
+    assert fault.value.code == "E604"
+    (tmp_path / "none").mkdir()
+    with pytest.raises(FaultError) as fault:
+        report_compare.build([one, tmp_path / "none"], "")
+    assert fault.value.code == "E553"
