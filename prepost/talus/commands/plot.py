@@ -22,7 +22,8 @@ KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "spec
          "grading")  # fmt: skip
 OF_ONE = {
     "measure": measure_plots.history, "cell": cell_plots.figure, "probe": measure_plots.probe,
-    "boundary": boundary_plots.figure, "grading": grading_plots.figure, "flow": flow_plots.through, "window": flow_plots.window,
+    "boundary": boundary_plots.figure, "grading": grading_plots.figure,
+    "flow": flow_plots.through, "window": flow_plots.window,
     "conversions": flow_plots.conversions, "audit": plots.audit, "energy": plots.energy,
 }  # fmt: skip
 
