@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx lammps scikit-fem crushing \
+  overlap-penetration moving-window fenicsx lammps scikit-fem calculix crushing \
   verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -100,6 +100,7 @@ $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 	$(FC) $(call flags,$@) -J$(MOD) -c -o $@ $<
 $(OBJ)/%_c.o: %.c Makefile | $(OBJ)
 	$(CC) $(CFLAGS) -c -o $@ $<
+$(OBJ)/talus_port_shm_c.o: common/port/talus_port_shm.h
 # written with the object, its time kept where nothing in it has changed: only a change is passed on
 $(MOD)/%.mod:
 	@test -f $@
@@ -123,7 +124,8 @@ $(BIN)/talus-couple: $(OBJ)/cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_
 # without sanitizers, which a foreign program has not
 PIC_OBJ := $(patsubst %.c,$(OBJ)/pic/%.o,$(notdir $(wildcard libport/*.c)) talus_port_shm.c talus_partner.c \
   talus_crc64.c talus_hash.c)
-$(OBJ)/pic/%.o: %.c libport/talus_port.h libport/port_parts.h common/port/talus_port_names.h Makefile
+$(OBJ)/pic/%.o: %.c libport/talus_port.h libport/port_parts.h common/port/talus_port_names.h \
+  common/port/talus_port_shm.h Makefile
 	@mkdir -p $(@D)
 	$(CC) $(CFLAGS_COMMON) -O2 -g1 -fPIC -fvisibility=hidden -Ilibport -Icommon/port -c -o $@ $<
 $(LIB)/libtalus_port.a: $(PIC_OBJ) | $(LIB)
@@ -148,7 +150,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx lammps scikit-fem crushing \
+  moving-window fenicsx lammps scikit-fem calculix crushing \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
@@ -172,6 +174,7 @@ help:
 	  'make fenicsx       a solid of FEniCSx in the place of talus-fem (minutes)' \
 	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
 	  'make scikit-fem    a solid of scikit-fem in the place of talus-fem (minutes)' \
+	  'make calculix      the matrix of CalculiX in the place of talus-fem (minutes)' \
 	  'make crushing      breaking spheres in an oedometer (two minutes)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
@@ -239,6 +242,10 @@ lammps: deps-run
 scikit-fem: deps-run
 	@$(MAKE) --no-print-directory all
 	examples/16-scikit-fem/run.sh build/$@-run
+
+calculix: deps-run
+	@$(MAKE) --no-print-directory all
+	examples/17-calculix/run.sh build/$@
 
 crushing: deps-run deps-render
 	@$(MAKE) --no-print-directory all

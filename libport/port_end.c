@@ -9,29 +9,13 @@
 #include <unistd.h>
 
 #include "port_parts.h"
+#include "talus_port_shm.h"
 
-/* common/port/talus_port_shm.c */
-struct port *talus_shm_create(const char *name, int64_t slot, const char *run_id,
-                              const char *place, const char *host, int *stage, int *code);
-struct port *talus_shm_connect(const char *name, const char *place, const char *host, int *stage,
-                               int *code);
-int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *done, double slice);
-int64_t talus_shm_incoming(struct port *p, double slice);
-int talus_shm_read(struct port *p, void *to, int64_t total, int64_t *done, double slice);
-int talus_shm_partner(struct port *p, char *place, char *host, int room);
-int64_t talus_shm_partner_beat(struct port *p);
-int talus_shm_partner_gone(struct port *p);
-int talus_shm_partner_waits(struct port *p);
-int talus_shm_damage(struct port *p, char *text, int room);
-void talus_shm_run_id(struct port *p, char *text, int room);
-void talus_shm_beat(struct port *p);
-void talus_shm_close(struct port *p);
-/* common/port/talus_partner.c, common/base/talus_crc64.c */
+/* common/port/talus_partner.c */
 void talus_partner_place(char *text, int room);
 void talus_partner_host(char *text, int room);
-uint64_t talus_crc64_bytes(const void *data, int64_t bytes, uint64_t before);
 
-enum { ABSENT = 5, TEXT = 128, SLEEPS_OF_LOSS = 20 };
+enum { SLEEPS_OF_LOSS = 20 };
 static const double SLICE = 0.05, JOIN = 30.0, ATTACH = 600.0; /* s */
 static const int64_t SLOT = 4 << 20, LONGEST = (int64_t)1 << 40; /* bytes */
 
@@ -92,7 +76,7 @@ static void connect_to(struct talus_port *port, const char *name)
     talus_partner_place(place, TEXT);
     talus_partner_host(host, TEXT);
     while (!(port->shm = talus_shm_connect(name, place, host, &stage, &code))) {
-        if (stage != ABSENT)
+        if (stage != STAGE_ABSENT)
             port_lost(port, "P016: the segment %s cannot be joined: %s", name,
                       code ? strerror(code) : "it is damaged or of another version");
         else if (port_now() > end)

@@ -18,7 +18,6 @@
 #include <sched.h>
 #include <stdatomic.h>
 #include <stddef.h>
-#include <stdint.h>
 #include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
@@ -31,9 +30,9 @@
 #include <immintrin.h>
 #endif
 
-enum { ASK = 0, SERVE = 1, PAUSES = 16, TEXT = 128 };
-enum { STAGE_OPEN = 1, STAGE_SPACE, STAGE_MAP, STAGE_LOCK };
-enum { STAGE_ABSENT = STAGE_LOCK + 1, STAGE_FOREIGN, STAGE_DAMAGED };
+#include "talus_port_shm.h"
+
+enum { ASK = 0, SERVE = 1, PAUSES = 16 };
 /* Places of sealed words, each for talus-couple (even) and for the solver (odd). */
 enum { WRITTEN = 2, TAKEN = 4, JOINED = 6, STATE = 8, CHUNK = 10, ABOUT = 12 };
 /* A state: what it does, and above two bits how often it has slept for it. */
@@ -86,24 +85,6 @@ struct port {
     unsigned char *data[2];
     char name[256], run_id[TEXT];
 };
-
-struct port *talus_shm_create(const char *name, int64_t slot, const char *run_id,
-                              const char *place, const char *host, int *stage, int *code);
-struct port *talus_shm_connect(const char *name, const char *place, const char *host, int *stage,
-                               int *code);
-int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *done, double slice);
-int64_t talus_shm_incoming(struct port *p, double slice);
-int talus_shm_read(struct port *p, void *to, int64_t total, int64_t *done, double slice);
-int talus_shm_partner(struct port *p, char *place, char *host, int room);
-int64_t talus_shm_partner_beat(struct port *p);
-int talus_shm_partner_gone(struct port *p);
-int talus_shm_partner_waits(struct port *p);
-int talus_shm_damage(struct port *p, char *text, int room);
-int talus_shm_unlocked(const char *name);
-uint64_t talus_crc64_bytes(const void *data, int64_t bytes, uint64_t before);
-void talus_shm_run_id(struct port *p, char *text, int room);
-void talus_shm_beat(struct port *p);
-void talus_shm_close(struct port *p);
 
 static const size_t control_bytes = (sizeof(struct control) + 4095) / 4096 * 4096;
 

@@ -43,6 +43,7 @@ contains
     real(wp) :: g(3, 3, hex8_points), k(n, n), r(n), h(3, 3), s(3, 3), w, trace
     integer(i4) :: a, b, i, q
 
+    if (.not. any(abs(factor) > 0.0_wp)) return  ! no energy, nothing to release
     call mode_gradients(rule, x, geometry, g)
     k = 0.0_wp
     r = 0.0_wp

@@ -8,6 +8,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from port_decks import GRAINS, SOLID
 
 from talus import mesh as meshes
 from talus import port_names
@@ -21,19 +22,6 @@ from port import Asker  # noqa: E402
 
 ROOT = Path(__file__).parents[2]
 KINDS = {"f": "real", "i": "integer"}
-GRAINS = """&run       title = 'Three spheres', gravity = 0.0, 0.0, 0.0 /
-&material  id = 'quartz', density = 2650.0, young = 1.0e8, poisson = 0.25 /
-&contact   between = 'quartz', 'quartz', law = 'hertz_mindlin', friction = 0.5 /
-&particles file = 'pack.h5', material = 'quartz' /
-&dynamics  dt = 1.0e-6 /
-"""
-SOLID = """&run      title = 'Cube', gravity = 0.0, 0.0, 0.0 /
-&mesh     file = 'cube.h5' /
-&material id = 'soil', density = 1500.0, young = 1.0e7, poisson = 0.3 /
-&section  group = 'all', material = 'soil' /
-&support  group = 'z0', fix = 'x', 'y', 'z' /
-&analysis kind = '{kind}' /
-"""
 POLAR = """&run gravity = 0.0, 0.0, 0.0 /
 &mesh file = 'cube.h5' /
 &material id = 'soil', law = 'micropolar', density = 1500.0, micro_inertia = 1.0e-6,
