@@ -1,4 +1,5 @@
 !> Text in HDF5 files: written as UTF-8 of any length (h5py hands it out as str), read in any form.
+!! Reading texts of any length is watched (talus_h5_watch.c): damaged ones hold HDF5 for ever.
 module talus_h5_text
   use, intrinsic :: iso_c_binding, only: c_char, c_f_pointer, c_int, c_int64_t, c_loc, &
     c_associated, c_null_char, c_ptr, c_size_t
@@ -15,6 +16,11 @@ module talus_h5_text
   private
   public :: write_text_dataset, read_text_dataset, write_text_attribute, read_text_attribute
 
+  character(len=*), parameter :: gone = 'error '//'S017'//': HDF5 does not come back from a '// &
+    'text in a file that is read at the start'//new_line('a')//'  at checkpoint, packing or mesh'// &
+    new_line('a')//'  hint: the file is damaged: take another copy of it, or make it again'// &
+    new_line('a')//c_null_char  !! last words, where HDF5 cannot be stopped
+
   interface
     integer(c_size_t) function c_strlen(address) bind(c, name='strlen')
       import :: c_ptr, c_size_t
@@ -29,6 +35,12 @@ module talus_h5_text
       integer(c_int64_t), value :: type_id
       integer(c_size_t), value :: size
     end function c_set_variable
+    subroutine watch_begin(text) bind(c, name='talus_c_watch_begin')
+      import :: c_char
+      character(kind=c_char), intent(in) :: text(*)
+    end subroutine watch_begin
+    subroutine watch_end() bind(c, name='talus_c_watch_end')
+    end subroutine watch_end
   end interface
 
 contains
@@ -134,7 +146,9 @@ contains
     call text_form(type_id, variable, width)
     if (variable) then
       allocate (address(max(count, 1)))
+      call watch_begin(gone)
       call read_dataset(file, path, name, kind_real, c_loc(address), errors, type_id)
+      call watch_end()
       if (errors%count == before) call take_variable(address(:count), list)
     else
       allocate (letters(max(width*count, 1_size_t)))
@@ -174,7 +188,9 @@ contains
       if (class_id /= h5t_string_f) then
         continue
       else if (variable) then
+        call watch_begin(gone)
         call read_attribute(file, object, name, kind_real, c_loc(address), found, type_id)
+        call watch_end()
         if (found) call take_variable(address, list)
       else
         allocate (letters(max(width, 1_size_t)))
