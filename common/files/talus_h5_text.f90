@@ -17,8 +17,9 @@ module talus_h5_text
   public :: write_text_dataset, read_text_dataset, write_text_attribute, read_text_attribute
 
   character(len=*), parameter :: gone = 'error '//'S017'//': HDF5 does not come back from a '// &
-    'text in a file that is read at the start'//new_line('a')//'  at checkpoint, packing or mesh'// &
-    new_line('a')//'  hint: the file is damaged: take another copy of it, or make it again'// &
+    'text in a file that is read at the start'//new_line('a')// &
+    '  at checkpoint, packing or mesh'//new_line('a')// &
+    '  hint: the file is damaged: take another copy of it, or make it again'// &
     new_line('a')//c_null_char  !! last words, where HDF5 cannot be stopped
 
   interface
