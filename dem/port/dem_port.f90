@@ -215,11 +215,14 @@ contains
       listed = any(value > 0.0_wp)  ! else contacts between ghosts do not count: none are listed
       if (.not. model%system%par%overlapped .or. model%clock%steps == 0 .or. self%renewed) then
         model%system%par%overlapped = .true.
+        if (self%renewed) then
+          call model%system%change_weights(ids, value, listed)
+          call find_anew(self)
+          return
+        end if
         model%system%par%ghost_pairs = listed
         call model%system%set_weights(ids, value)
-        if (self%renewed) then
-          call find_anew(self)
-        else if (model%clock%steps == 0 .and. .not. model%system%open) then
+        if (model%clock%steps == 0 .and. .not. model%system%open) then
           call model%system%init(errors)
         end if
         if (.not. errors%any()) call model%load_surface(.true., errors)

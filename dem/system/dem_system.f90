@@ -4,10 +4,10 @@
 !! the split verbs kick, drift and forces. With ranks: dem_ranked_system; prescribed motion and
 !! forces: dem_driven_system.
 module dem_system
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, kind_free, fed_size, &
+  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, dem_ledger_type, kind_free, fed_size, &
     drained_size
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
@@ -17,12 +17,12 @@ module dem_system
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_relist, only: rebuild_if_needed
   use dem_steps, only: step_memory_type, take_steps, evaluate_forces, kick_and_drift
-  use dem_ledger, only: start_ledger, follow_step
+  use dem_ledger, only: start_ledger, follow_step, refresh_stored
   use dem_parts, only: choose_border, place_ghosts
   use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
   use dem_hold, only: held_type, hold_others, let_others_go
-  use dem_population, only: remove_grains, add_grains, replace_grains, weigh_grains
+  use dem_population, only: remove_grains, add_grains, replace_grains, weigh_grains, gain
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
@@ -56,6 +56,7 @@ module dem_system
     procedure :: leave            !! (leaving): grains leave; no time passes
     procedure :: enter            !! (entering, springs): grains enter; no time passes
     procedure :: replace          !! (leaving, entering): grains break; no time passes
+    procedure :: change_weights   !! (ids, value, ghost_pairs): within a run; no time passes
     procedure :: weigh            !! (mass, inertia): of all grains; no time passes
     procedure :: hold             !! (moving, held): all but some free grains; no time passes
     procedure :: let_go           !! (held): those again; no time passes
@@ -283,6 +284,21 @@ contains
     call replace_grains(self%dem_data_type, leaving, entering)
     call settle_change(self)
   end subroutine replace
+
+  !> Weights of contacts from now on, and whether those between ghosts are listed; what the contacts
+  !! store less or more by it is booked.
+  subroutine change_weights(self, ids, value, ghost_pairs)
+    class(dem_system_type), intent(inout) :: self
+    integer(i8), intent(in) :: ids(:, :)   !! (2, :)
+    real(wp), intent(in) :: value(:)       !! [-]
+    logical, intent(in) :: ghost_pairs
+    type(dem_ledger_type) :: before
+    call follow_step(self%dem_data_type, self%par%dt)
+    call refresh_stored(self%dem_data_type, self%ledger_dt, before)
+    self%par%ghost_pairs = ghost_pairs
+    call self%set_weights(ids, value)
+    self%ledger%left = self%ledger%left - gain(self%dem_data_type, before)
+  end subroutine change_weights
 
   !> Masses and moments of inertia of all grains from now on; the whole has been gathered.
   subroutine weigh(self, mass, inertia)

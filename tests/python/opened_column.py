@@ -29,6 +29,7 @@ GRAINS = """&run       title = 'Column of spheres', gravity = 0.0, 0.0, 0.0 /
 &wall      id = 'y0', point = 0.0, 0.0, 0.0, normal = 0.0, 1.0, 0.0, material = 'quartz' /
 &wall      id = 'y1', point = 0.0, 2.02e-3, 0.0, normal = 0.0, -1.0, 0.0, material = 'quartz' /
 &dynamics  dt = 2.0e-7 /
+&history   every_time = 4.0e-6 /
 &output    every_time = 4.0e-5 /
 """  # noqa: E501
 SOLID = """&run      title = 'Bar', gravity = 0.0, 0.0, 0.0 /

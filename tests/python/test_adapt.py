@@ -37,6 +37,8 @@ def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None
     assert rows["awake"][-1] == rows["awake"][0] + rows["woken"].sum()
     audit = read_history(tmp_path / "coupled_audit.csv")
     assert audit["grains_kinetic"].max() < 1e-12 * audit["grains_elastic"][-1]
+    ledger = read_history(tmp_path / "grains_energy.csv")
+    assert np.abs(ledger["relative_closure"]).max() < 1e-9
     assert np.abs(audit["total_energy"] - audit["conversion_energy"]
                   - audit["total_energy"][0]).max() < 1e-9 * audit["total_energy"][-1]  # fmt: skip
     last = field_steps(tmp_path / "grains.h5")[-1].grains
