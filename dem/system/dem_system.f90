@@ -7,8 +7,8 @@ module dem_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, dem_ledger_type, kind_free, fed_size, &
-    drained_size
+  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, dem_ledger_type, &
+    kind_free, fed_size, drained_size
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
