@@ -2,19 +2,15 @@
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bed_asker import Bed
 from channel import COUNT, HEAD, make_tile
 
-from talus.packing import Packing, read_packing, write_h5
-from talus.port import Message
+from talus.packing import Packing, read_packing
 from talus.programs import find_program
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "errors/base/port"))
-from port import Asker  # noqa: E402
 
 
 def run(folder: Path, name: str, packing: str, t_end: float, *parts: str) -> None:
@@ -34,42 +30,15 @@ def tile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Packing]:
     return folder, read_packing(folder / "tile.h5")
 
 
-class Bed(Asker):
-    """talus-dem with a bed of five tiles, of which some are awake."""
-
-    def __init__(self, folder: Path, packing: Packing) -> None:
-        """Start it and greet."""
-        os.chdir(folder)
-        write_h5(folder / "awake.h5", packing)
-        text = HEAD.replace("T_END", "1.0").replace("PACKING", "awake")
-        text += "&tile file = 'tile.h5', copies = 5, 1, 1 /\n&dynamics dt = 2.0e-6 /\n"
-        (folder / "deck.nml").write_text(text)
-        super().__init__("meeting/side")
-        command = [str(find_program("talus-dem")), "deck.nml", "--port=hdf5:meeting/side"]
-        self.process = subprocess.Popen([*command, "--threads=1"], stdout=subprocess.DEVNULL)
-        self.hello()
-        self.ask("READY")
-
-    def ask(self, verb: str, t0: float = 0.0, t1: float = 0.0, **fields: object) -> Message:
-        """Send a request; the reply is no fault."""
-        reply = super().ask(verb, t0, t1, **fields)
-        assert reply.status == 0, reply.fields
-        return reply
-
-    def contacts(self) -> dict[tuple[int, int], np.ndarray]:
-        """Return the force of each contact of two grains by its ids."""
-        reply = self.ask("DESCRIBE", what="contacts").fields
-        forces = zip(reply["ids"].tolist(), reply["force"], strict=True)
-        return {tuple(ids): force for ids, force in forces if min(ids) > 0}
-
-
 @pytest.fixture
 def begin(tile: tuple[Path, Packing]) -> "object":
     """Give a way to start talus-dem; what still runs is killed."""
     here, started = Path.cwd(), []
 
     def start(packing: Packing) -> Bed:
-        started.append(Bed(tile[0], packing))
+        text = HEAD.replace("T_END", "1.0").replace("PACKING", "awake")
+        text += "&tile file = 'tile.h5', copies = 5, 1, 1 /\n&dynamics dt = 2.0e-6 /\n"
+        started.append(Bed(tile[0], packing, text))
         return started[-1]
 
     yield start

@@ -2,20 +2,16 @@
 
 import os
 import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from bed_asker import Asker, Bed
 from sphere_tile import sphere_tile
 
-from talus.packing import Packing, read_packing, write_h5
-from talus.port import Message
+from talus.packing import Packing, read_packing
 from talus.programs import find_program
 from talus.verification import read_history
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "errors/base/port"))
-from port import Asker  # noqa: E402
 
 HEAD = """&run       title = 'Tile', t_end = 1.0, gravity = 0.0, 0.0, 0.0 /
 &material  id = 'grain', density = 2650.0, young = 2.9e8, poisson = 0.25 /
@@ -34,29 +30,6 @@ def tile(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Packing]:
     return folder, read_packing(made)
 
 
-class Bed(Asker):
-    """talus-dem with a bed of three tiles each way, of which one grain is awake."""
-
-    def __init__(self, folder: Path, packing: Packing, more: str = "") -> None:
-        """Start it and greet."""
-        os.chdir(folder)
-        write_h5(folder / "awake.h5", packing)
-        text = HEAD.replace("PACKING", "awake")
-        text += f"&tile file = 'tile.h5', copies = 3, 3, 3 {more}/\n&dynamics dt = 2.0e-6 /\n"
-        (folder / "deck.nml").write_text(text)
-        super().__init__("meeting/side")
-        command = [str(find_program("talus-dem")), "deck.nml", "--port=hdf5:meeting/side"]
-        self.process = subprocess.Popen([*command, "--threads=1"], stdout=subprocess.DEVNULL)
-        self.hello()
-        self.ask("READY")
-
-    def ask(self, verb: str, t0: float = 0.0, t1: float = 0.0, **fields: object) -> Message:
-        """Send a request; the reply is no fault."""
-        reply = super().ask(verb, t0, t1, **fields)
-        assert reply.status == 0, reply.fields
-        return reply
-
-
 @pytest.fixture
 def begin(tile: tuple[Path, Packing]) -> "object":
     """Give a way to start talus-dem; what still runs is killed."""
@@ -65,7 +38,9 @@ def begin(tile: tuple[Path, Packing]) -> "object":
     def start(more: str = "") -> Bed:
         whole = tile[1].repeated((3, 3, 3)).take(np.array([0]))
         whole.cell = whole.corner = whole.shift = None
-        started.append(Bed(tile[0], whole, more))
+        text = HEAD.replace("PACKING", "awake")
+        text += f"&tile file = 'tile.h5', copies = 3, 3, 3 {more}/\n&dynamics dt = 2.0e-6 /\n"
+        started.append(Bed(tile[0], whole, text))
         return started[-1]
 
     yield start
