@@ -223,8 +223,6 @@ def opened(folder: Path) -> None:
     deck = (folder / "coupled.nml").read_text().replace("t_end = 1.2e-4", "t_end = END")
     (folder / "deck.nml").write_text(deck)
     (folder / "coupled.nml").unlink()
-    grains = folder / "grains.nml"
-    grains.write_text(grains.read_text() + "&history every_time = 1.0e-5 /\n")
 
 
 def make(name: str, scratch: Path, binaries: Path) -> Run:
