@@ -46,7 +46,7 @@ enum talus_verb {
   TALUS_VERB_ABORT = 15, /* leave at once */
   TALUS_VERB_WAKE = 16, /* grains enter; no time passes, all sets but surfaces are forgotten */
   TALUS_VERB_SLEEP = 17, /* grains leave; no time passes, all sets but surfaces are forgotten */
-  TALUS_VERB_RELAX = 18, /* some free grains come to rest with adaptive damping, all else is held; no time passes, all sets but surfaces are forgotten */
+  TALUS_VERB_RELAX = 18, /* some free grains come to rest with adaptive damping under their contacts and weight, without forces of the partner, all else is held; no time passes, all sets but surfaces are forgotten */
 };
 
 /* kinds of elements and facets */

@@ -34,8 +34,8 @@ module talus_verbs
   integer(i4), parameter :: verb_wake = 16
   !> grains leave; no time passes, all sets but surfaces are forgotten
   integer(i4), parameter :: verb_sleep = 17
-  !> some free grains come to rest with adaptive damping, all else is held; no time passes, all
-  !! sets but surfaces are forgotten
+  !> some free grains come to rest with adaptive damping under their contacts and weight, without
+  !! forces of the partner, all else is held; no time passes, all sets but surfaces are forgotten
   integer(i4), parameter :: verb_relax = 18
 
   integer(i4), parameter :: verb_first = verb_hello, verb_last = verb_relax

@@ -60,14 +60,16 @@ contains
   subroutine begin(self, cells)
     class(histories_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells  !! not displaced
-    integer(i4) :: rank(cells%elements), e
-    allocate (self%element(cells%elements), self%middle(cells%elements))
-    do e = 1, cells%elements
-      rank = 0
+    integer(i4) :: rank(cells%elements), e, n
+    n = merge(cells%elements, 0_i4, self%active)
+    allocate (self%element(n), self%middle(n))
+    rank = 0
+    do e = 1, n
       rank(e) = 1
       associate (node => cells%nodes_of(e))
         call cells%find(sum(cells%x(:, node), 2)/size(node), rank, self%middle(e))
       end associate
+      rank(e) = 0
       allocate (self%element(e)%knot(3, 3, 0))
     end do
   end subroutine begin

@@ -19,7 +19,7 @@ module cpl_adaptive_scale
   use cpl_choices, only: cpl_choices_type
   use cpl_gap, only: find_gap
   use cpl_overlap, only: overlap_type
-  use cpl_overlap_carry, only: carried_type, carry_from, carry_motion
+  use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
   use cpl_overlap_limit, only: kick_watch_type
   use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
@@ -181,7 +181,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
     run%solvers%time = t1
-    call carry_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
+    call look_at_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
     if (.not. errors%any()) call self%bed%histories%note(self%o%cells, carried%u, &
       carried%part == part_rest .or. carried%part == part_ghost)
   end subroutine note_strain

@@ -12,7 +12,7 @@ module cpl_overlap_carry
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: carried_type, carry_from, carry_motion, hold_difference
+  public :: carried_type, carry_from, look_at_motion, hold_difference
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
   integer(i4), parameter :: was_bulk = 0, was_edge = 1, was_prescribed = 2
@@ -53,6 +53,17 @@ contains
       if (k > o%op%prescribed) carried%total(:, a) = carried%total(:, a) + o%forces%bulk(:, k)
     end do
   end subroutine carry_from
+
+  !> Motion of all nodes at an accepted exchange, without more.
+  subroutine look_at_motion(o, solid, carried, timers, errors)
+    type(overlap_type), intent(in) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(carried_type), intent(out) :: carried
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call carry_motion(o, solid, carried, timers, errors)
+    call select_nodes(o, solid, [1_i8], timers, errors)
+  end subroutine look_at_motion
 
   !> Motion of all nodes at an accepted exchange; all nodes are selected then.
   subroutine carry_motion(o, solid, carried, timers, errors)

@@ -99,6 +99,8 @@ contains
     do k = 1, self%count
       if (self%set(k)%role == role_prescribe) moved(self%set(k)%index) = .true.
     end do
+    allocate (index(0))
+    if (.not. any(system%grains%kind == kind_ghost .and. .not. moved)) return
     call find_border(system%dem_data_type, index)
     index = pack(index, .not. moved(index))
   end function unmoved
