@@ -33,13 +33,13 @@ module talus_port_names
   public :: dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction, dot_reaction_moment
   public :: dot_theta, dot_u, dot_v, dot_work, dot_x, what_grains, what_contacts, what_border
   public :: what_asleep, what_mesh, what_facets, what_quadrature, what_moduli, what_groups
-  public :: what_group, what_contact_weight, what_kind, what_mass_factor, what_quad_weight
-  public :: what_initial_stress, what_springs, what_dead_load, scope_all, scope_interface
-  public :: scope_balance, scope_loads, scope_split, scope_between, can_report, can_prescribe
-  public :: can_load, can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
-  public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
-  public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
-  public :: can_moduli
+  public :: what_group, what_contact_weight, what_kind, what_places, what_mass_factor
+  public :: what_quad_weight, what_initial_stress, what_springs, what_dead_load, scope_all
+  public :: scope_interface, scope_balance, scope_loads, scope_split, scope_between, can_report
+  public :: can_prescribe, can_load, can_surface, can_border, can_advance, can_solve, can_force
+  public :: can_kick_drift, can_reject, can_checkpoint, can_rehearsal, can_contact_weight
+  public :: can_mass_factor, can_population, can_springs, can_dead_load, can_initial_stress
+  public :: can_quad_weight, can_moduli, can_places
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -121,7 +121,7 @@ module talus_port_names
   character(len=*), parameter :: field_motion = 'motion'  !! HELLO
   character(len=*), parameter :: field_moved = 'moved'  !! RELAX
   character(len=*), parameter :: field_names = 'names'  !! DESCRIBE groups
-  character(len=*), parameter :: field_node = 'node'  !! DESCRIBE mesh, SET springs
+  character(len=*), parameter :: field_node = 'node'  !! DESCRIBE mesh, SET places, SET springs
   character(len=*), parameter :: field_node_phi = 'node_phi'  !! SET springs
   character(len=*), parameter :: field_normal = 'normal'  !! DESCRIBE contacts
   character(len=*), parameter :: field_omega = 'omega'  !! WAKE
@@ -171,7 +171,7 @@ module talus_port_names
   character(len=*), parameter :: field_turn = 'turn'  !! WAKE
   character(len=*), parameter :: field_u = 'u'
   character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! RELAX
-  character(len=*), parameter :: field_v = 'v'  !! WAKE
+  character(len=*), parameter :: field_v = 'v'  !! WAKE, SET kind
   character(len=*), parameter :: field_value = 'value'  !! SET contact_weight and 3 more
   character(len=*), parameter :: field_value_phi = 'value_phi'  !! SET mass_factor
   character(len=*), parameter :: field_version = 'version'  !! HELLO
@@ -179,7 +179,7 @@ module talus_port_names
   character(len=*), parameter :: field_weight_phi = 'weight_phi'  !! SET springs
   character(len=*), parameter :: field_what = 'what'  !! DESCRIBE, SET
   character(len=*), parameter :: field_work = 'work'
-  character(len=*), parameter :: field_x = 'x'  !! SELECT and 5 more
+  character(len=*), parameter :: field_x = 'x'  !! SELECT and 6 more
   character(len=*), parameter :: field_young = 'young'  !! SET moduli
 
   ! Fields of a set, to follow its name: '<set>.<name>'.
@@ -224,6 +224,7 @@ module talus_port_names
   character(len=*), parameter :: what_group = 'group'  !! DESCRIBE
   character(len=*), parameter :: what_contact_weight = 'contact_weight'  !! SET
   character(len=*), parameter :: what_kind = 'kind'  !! SET
+  character(len=*), parameter :: what_places = 'places'  !! SET
   character(len=*), parameter :: what_mass_factor = 'mass_factor'  !! SET
   character(len=*), parameter :: what_quad_weight = 'quad_weight'  !! SET
   character(len=*), parameter :: what_initial_stress = 'initial_stress'  !! SET
@@ -262,6 +263,7 @@ module talus_port_names
   character(len=*), parameter :: can_initial_stress = 'initial_stress'  !! SET initial_stress
   character(len=*), parameter :: can_quad_weight = 'quad_weight'  !! SET quad_weight
   character(len=*), parameter :: can_moduli = 'moduli'  !! SET moduli
+  character(len=*), parameter :: can_places = 'places'  !! SET places
 
 contains
 

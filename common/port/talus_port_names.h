@@ -133,6 +133,7 @@ enum talus_scalar {
 #define TALUS_CAN_INITIAL_STRESS "initial_stress"
 #define TALUS_CAN_QUAD_WEIGHT "quad_weight"
 #define TALUS_CAN_MODULI "moduli"
+#define TALUS_CAN_PLACES "places"
 
 /* scopes of FORCE */
 #define TALUS_SCOPE_ALL "all"
@@ -155,6 +156,7 @@ enum talus_scalar {
 #define TALUS_WHAT_GROUP "group"
 #define TALUS_WHAT_CONTACT_WEIGHT "contact_weight"
 #define TALUS_WHAT_KIND "kind"
+#define TALUS_WHAT_PLACES "places"
 #define TALUS_WHAT_MASS_FACTOR "mass_factor"
 #define TALUS_WHAT_QUAD_WEIGHT "quad_weight"
 #define TALUS_WHAT_INITIAL_STRESS "initial_stress"

@@ -5,12 +5,13 @@ module cpl_bed
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
   use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_moved, &
-    field_omega, field_pressure, field_steps, field_stress, field_stretch, field_substeps, &
-    field_tolerance, field_turn, field_unbalanced, field_v, field_what, field_x, what_asleep, &
+    field_omega, field_pressure, field_radius, field_steps, field_stress, field_stretch, &
+    field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, field_what, field_x, what_asleep, &
     what_grains, what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_cells, only: cells_type, spot_type
+  use cpl_closing, only: fate_type
   use cpl_histories, only: histories_type, request_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type
@@ -19,7 +20,7 @@ module cpl_bed
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: bed_type, change_type
+  public :: bed_type, change_type, ask_places
 
   integer(i4), parameter :: free = 0, ghost = 3  !! kinds at the port
   integer(i4), parameter :: none = -1, gone = -2
@@ -27,6 +28,7 @@ module cpl_bed
   !> What a conversion has done.
   type :: change_type
     integer(i4) :: woken = 0, freed = 0, slept = 0, awake = 0  !! grains
+    integer(i4) :: closed = 0                     !! elements
     integer(i4) :: replays = 0, replay_steps = 0  !! histories that the tile went through
     real(wp) :: pressure = 0.0_wp                 !! of the tile at rest [Pa]
     real(wp), allocatable :: stress(:, :)         !! (9, replays) that it has more after them [Pa]
@@ -50,6 +52,7 @@ module cpl_bed
     procedure :: forget
     procedure :: convert
     procedure :: leave_behind
+    procedure :: close_behind
     procedure, private :: lie_down
     procedure, private :: wake
     procedure, private :: rest
@@ -160,7 +163,6 @@ contains
     integer(i8), allocatable :: ids(:)
     integer(i4) :: k
 
-    self%change = change_type()
     again = .false.
     do k = 1, o%op%ghosts
       associate (part => roles%part(o%sets%ghost_spot(k)%element))
@@ -182,7 +184,7 @@ contains
     if (errors%any()) return
     call self%wake(grains, roles, o%cells, carried, timers, errors)
     if (errors%any()) return
-    self%change%awake = size(o%pack%id) + self%change%woken
+    self%change%awake = size(o%pack%id) + self%change%woken - self%change%slept
     if (roles%rest_steps > 0) call self%rest(o, grains, roles, ids, timers, errors)
   end subroutine convert
 
@@ -245,28 +247,55 @@ contains
     type(roles_type), intent(in) :: roles
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: ids(:)
-    integer(i4), allocatable :: kind(:)
-    real(wp), allocatable :: x(:, :), before(:)
+    type(pack_type) :: pack_of
+    real(wp), allocatable :: before(:)
     logical, allocatable :: chosen(:)
     integer(i4) :: k
 
     if (.not. roles%keep_behind > 0.0_wp) return
+    call ask_places(grains, pack_of, timers, errors)
+    if (errors%any()) return
+    associate (ids => pack_of%id, kind => pack_of%kind, x => pack_of%x)
+      before = [(roles%far_behind(x(:, k), grains%time), k=1, size(ids))]
+      chosen = before < 0.0_wp .and. (kind == free .or. kind == ghost)
+      self%change%slept = count(chosen)
+      self%change%awake = self%change%awake - self%change%slept
+      if (any(chosen)) call self%sleep(grains, pack(ids, chosen), timers, errors)
+      if (errors%any()) return
+      chosen = before >= 0.0_wp .and. before < roles%hold_behind .and. kind == free
+      if (any(chosen)) call send_kinds(grains, pack(ids, chosen), ghost, timers, errors)
+    end associate
+  end subroutine leave_behind
+
+  !> Grains in elements that have closed become ghosts or fall asleep; before others wake.
+  subroutine close_behind(self, grains, id, fate, timers, errors)
+    class(bed_type), intent(inout) :: self
+    type(cpl_solver_type), intent(inout) :: grains
+    integer(i8), intent(in) :: id(:)
+    type(fate_type), intent(in) :: fate
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    self%change%slept = count(fate%leaving)
+    if (any(fate%leaving)) call self%sleep(grains, pack(id, fate%leaving), timers, errors)
+    if (any(fate%bound) .and. .not. errors%any()) &
+      call send_kinds(grains, pack(id, fate%bound), ghost, timers, errors, &
+                      fate%v(:, pack([(k, k=1, size(id))], fate%bound)))
+  end subroutine close_behind
+
+  !> Ids, kinds, radii and places of the grains that are awake.
+  subroutine ask_places(grains, pack_of, timers, errors)
+    type(cpl_solver_type), intent(inout) :: grains
+    type(pack_type), intent(out) :: pack_of
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
     call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
-    call grains%reply%take_int(field_id, ids, errors)
-    call grains%reply%take_int(field_kind, kind, errors)
-    call grains%reply%take(field_x, x, errors)
-    if (errors%any()) return
-    before = [(roles%far_behind(x(:, k), grains%time), k=1, size(ids))]
-    chosen = before < 0.0_wp .and. (kind == free .or. kind == ghost)
-    self%change%slept = count(chosen)
-    self%change%awake = self%change%awake - self%change%slept
-    if (any(chosen)) call self%sleep(grains, pack(ids, chosen), timers, errors)
-    if (errors%any()) return
-    chosen = before >= 0.0_wp .and. before < roles%hold_behind .and. kind == free
-    if (any(chosen)) call send_kinds(grains, pack(ids, chosen), ghost, timers, errors)
-  end subroutine leave_behind
+    call grains%reply%take_int(field_id, pack_of%id, errors)
+    call grains%reply%take_int(field_kind, pack_of%kind, errors)
+    call grains%reply%take(field_radius, pack_of%radius, errors)
+    call grains%reply%take(field_x, pack_of%x, errors)
+  end subroutine ask_places
 
   !> WAKE what sleeps in elements that are no longer of continuum alone: moved with the nodes.
   subroutine wake(self, grains, roles, cells, carried, timers, errors)
@@ -392,16 +421,19 @@ contains
     call grains%ask(timers, errors)
   end subroutine sleep
 
-  subroutine send_kinds(grains, ids, kind, timers, errors)
+  !> SET kind; velocities of those that become ghosts.
+  subroutine send_kinds(grains, ids, kind, timers, errors, speed)
     type(cpl_solver_type), intent(inout) :: grains
     integer(i8), intent(in) :: ids(:)
     integer(i4), intent(in) :: kind
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    real(wp), intent(in), optional :: speed(:, :)  !! (3, ids) [m/s]
     call grains%start_request(verb_set, 0_i8, grains%time, grains%time)
     call grains%request%put_text(field_what, what_kind)
     call grains%request%put_int(field_id, ids)
     call grains%request%put_int(field_kind, spread(kind, 1, size(ids)))
+    if (present(speed)) call grains%request%put(field_v, speed)
     call grains%ask(timers, errors)
   end subroutine send_kinds
 end module cpl_bed

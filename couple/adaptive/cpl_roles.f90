@@ -4,7 +4,8 @@
 !! A plan depends on the time alone, so that a restart finds the same. Elements near the way of the
 !! body are opened: grains there are free. The outer layers of the opened elements keep nodes,
 !! which follow the free grains; in those inside there is no continuum. Layers around them hold
-!! ghosts. What was opened once stays open, or far behind the body holds nothing any more. eq. C.20
+!! ghosts. What was opened once stays open, until far behind the body it holds nothing any more
+!! (eq. C.20) or closes (cpl_closing).
 module cpl_roles
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -32,6 +33,7 @@ module cpl_roles
     integer(i4) :: most_grains = 0      !! awake
     real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
     real(wp) :: most_gap = 0.5_wp       !! of the stress of tile and element, over the pressure
+    real(wp) :: close_behind = 0.0_wp   !! elements farther behind may close; 0: none does [m]
     logical :: replay = .false.         !! grains wake after the history of their element
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
@@ -43,6 +45,7 @@ module cpl_roles
     procedure :: set_mesh
     procedure :: is_due
     procedure :: plan
+    procedure :: may_close
     procedure :: far_behind
     procedure, private :: is_near
     procedure, private :: grown
@@ -79,6 +82,7 @@ contains
     self%replay = birth == 'replay'
     call deck%get('adapt', 1, 'keep_behind', self%keep_behind)
     call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
+    call deck%get('adapt', 1, 'close_behind', self%close_behind)
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
@@ -151,16 +155,18 @@ contains
 
   !> Parts of the elements from a time on, until the next plan but one. N460: an opened element at
   !! the end of the mesh where the body goes has no ghosts before it.
-  subroutine plan(self, cells, time, spell, part)
+  subroutine plan(self, cells, time, spell, part, closing)
     class(roles_type), intent(in) :: self
     type(cells_type), intent(in) :: cells
     real(wp), intent(in) :: time, spell    !! [s]; two intervals
     integer(i4), allocatable, intent(out) :: part(:)
+    logical, intent(in), optional :: closing(:)  !! (elements) are not open any more
     logical, dimension(size(self%middle, 2)) :: open, inside, ghost
     integer(i4) :: e, k
 
     open = .false.
     if (allocated(self%part)) open = self%part == part_none .or. self%part == part_free
+    if (present(closing)) open = open .and. .not. closing
     do e = 1, size(open)
       if (.not. open(e)) open(e) = self%is_near(self%middle(:, e), time, spell)
     end do
@@ -181,6 +187,23 @@ contains
         part(e) = part_none
     end do
   end subroutine plan
+
+  !> Elements at the rim of what is open that lie far enough behind the body to close.
+  subroutine may_close(self, cells, time, spell, may)
+    class(roles_type), intent(in) :: self
+    type(cells_type), intent(in) :: cells
+    real(wp), intent(in) :: time, spell    !! [s]; two intervals
+    logical, intent(out) :: may(:)         !! (elements)
+    integer(i4) :: e
+    may = .false.
+    if (.not. self%close_behind > 0.0_wp) return
+    may = self%grown(cells, self%part == part_ghost .or. self%part == part_rest) &
+          .and. self%part == part_free
+    do e = 1, size(may)
+      if (may(e)) may(e) = self%far_behind(self%middle(:, e), time) + self%reach(e) &
+        + self%close_behind < 0.0_wp .and. .not. self%is_near(self%middle(:, e), time, spell)
+    end do
+  end subroutine may_close
 
   !> How far a point lies before the plane behind which grains leave, along the way [m].
   pure real(wp) function far_behind(self, x, time) result(before)

@@ -29,6 +29,7 @@ module cpl_cells
   contains
     procedure :: check
     procedure :: prepare
+    procedure :: place
     procedure :: find
     procedure :: find_beside
     procedure :: nodes_of
@@ -69,6 +70,21 @@ contains
       return
     end do
   end subroutine check
+
+  !> The same elements with their nodes elsewhere.
+  subroutine place(self, x, placed)
+    class(cells_type), intent(in) :: self
+    real(wp), intent(in) :: x(:, :)  !! (3, nodes) [m]
+    type(cells_type), intent(out) :: placed
+    placed%nodes = self%nodes
+    placed%elements = self%elements
+    placed%x = x
+    placed%kind = self%kind
+    placed%start = self%start
+    placed%node = self%node
+    placed%polar = self%polar
+    call placed%prepare()
+  end subroutine place
 
   !> Boxes of space, about one an element.
   subroutine prepare(self)

@@ -1,11 +1,12 @@
 !> The surface of a group of elements, as triangles, and how far points are from it.
 module cpl_hull
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use cpl_cells, only: cells_type
   use cpl_elements, only: corner_count
   implicit none
   private
-  public :: hull_type
+  public :: hull_type, outer_faces
 
   integer(i4), parameter :: hex_face(4, 6) = reshape([1, 4, 3, 2, 5, 6, 7, 8, 1, 2, 6, 5, &
                                                       3, 4, 8, 7, 2, 3, 7, 6, 1, 5, 8, 4], [4, 6])
@@ -29,23 +30,13 @@ contains
     class(hull_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
     logical, intent(in) :: chosen(:)  !! (elements)
-    integer(i4), allocatable :: faces(:, :), head(:), next(:)
-    integer(i4) :: e, f, k, n, most
+    integer(i4), allocatable :: faces(:, :)
+    integer(i4) :: k
 
-    most = 6*count(chosen)
-    allocate (faces(4, most), head(cells%nodes), next(most))
-    head = 0
-    n = 0
-    do e = 1, cells%elements
-      if (.not. chosen(e)) cycle
-      do f = 1, merge(6, 4, corner_count(cells%kind(e)) == 8)
-        call put_face(face_of(cells, e, f), faces, head, next, n)
-      end do
-    end do
-    allocate (self%corner(3, 3, 2*n))
+    call outer_faces(cells, chosen, faces)
+    allocate (self%corner(3, 3, 2*size(faces, 2)))
     self%n = 0
-    do k = 1, n
-      if (faces(1, k) == 0) cycle
+    do k = 1, size(faces, 2)
       call add_triangle(self, cells%x(:, faces(:3, k)))
       if (faces(4, k) > 0) call add_triangle(self, cells%x(:, faces([1, 3, 4], k)))
     end do
@@ -57,6 +48,38 @@ contains
                                        - spread(self%middle(:, k), 2, 3))**2, 1)))
     end do
   end subroutine build
+
+  !> Corners of the faces that only one of the chosen elements has (4, n), of triangles the last 0;
+  !! their outer normals.
+  subroutine outer_faces(cells, chosen, faces, normal)
+    type(cells_type), intent(in) :: cells
+    logical, intent(in) :: chosen(:)                        !! (elements)
+    integer(i4), allocatable, intent(out) :: faces(:, :)
+    real(wp), allocatable, optional, intent(out) :: normal(:, :)  !! (3, n)
+    integer(i4), allocatable :: all(:, :), head(:), next(:), left(:)
+    integer(i4) :: e, f, k, n, most
+
+    most = 6*count(chosen)
+    allocate (all(4, most), head(cells%nodes), next(most))
+    head = 0
+    n = 0
+    do e = 1, cells%elements
+      if (.not. chosen(e)) cycle
+      do f = 1, merge(6, 4, corner_count(cells%kind(e)) == 8)
+        call put_face(face_of(cells, e, f), all, head, next, n)
+      end do
+    end do
+    left = pack([(k, k=1, n)], all(1, :n) > 0)
+    faces = all(:, left)
+    if (.not. present(normal)) return
+    allocate (normal(3, size(left)))
+    do k = 1, size(left)
+      associate (x => cells%x(:, faces(:3, k)))
+        normal(:, k) = cross(x(:, 2) - x(:, 1), x(:, 3) - x(:, 2))
+      end associate
+      normal(:, k) = normal(:, k)/norm2(normal(:, k))
+    end do
+  end subroutine outer_faces
 
   pure function face_of(cells, e, f) result(face)
     type(cells_type), intent(in) :: cells

@@ -3,8 +3,8 @@
 !!
 !! A conversion is made at an accepted exchange: the population of the grains is changed, then the
 !! sets, maps, weights, masses and limits are made by the set-up's own code, with the places now as
-!! the reference. Motion goes on; what jumps in the forces on nodes is held from then on. Faults
-!! N463, D460.
+!! the reference. Motion goes on; what jumps in the forces on nodes is held from then on. Elements
+!! behind the body may close again. Faults N463, D460.
 module cpl_adaptive_scale
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
@@ -14,18 +14,21 @@ module cpl_adaptive_scale
   use talus_history, only: history_type
   use talus_log, only: log_type, short_number
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_momentum
-  use cpl_bed, only: bed_type, change_type
+  use cpl_bed, only: bed_type, change_type, ask_places
   use cpl_bridging_scale, only: bridging_scale_type
+  use cpl_cells, only: cells_type
   use cpl_choices, only: cpl_choices_type
+  use cpl_closing, only: closing_type, fate_type
   use cpl_gap, only: find_gap
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
   use cpl_overlap_limit, only: kick_watch_type
   use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
+  use cpl_rebirth, only: rebirth_type
   use cpl_roles, only: roles_type
   use cpl_run, only: cpl_run_type
-  use cpl_sets, only: part_none, part_rest, part_ghost, part_free
+  use cpl_sets, only: pack_type, part_none, part_rest, part_ghost, part_free
   use cpl_solver, only: side_grains, side_solid
   implicit none
   private
@@ -33,15 +36,17 @@ module cpl_adaptive_scale
 
   real(wp), parameter :: far = 1.0e6_wp  !! [m] where no node is
 
-  character(len=17), parameter :: columns(18) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=17), parameter :: columns(21) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
-    'momentum [kg m/s]']
+    'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
     type(bed_type) :: bed
+    type(closing_type) :: closing
+    type(rebirth_type) :: rebirth
     integer(i8) :: conversions = 0
     real(wp) :: energy = 0.0_wp        !! that conversions have brought [J]
     real(wp) :: gap = 0.0_wp           !! of the stress where grains woke, over the tile's mean [-]
@@ -68,7 +73,9 @@ contains
     class(adaptive_scale_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
     type(error_list_type), intent(inout) :: errors
-    if (.not. errors%any()) call self%roles%read(run%deck, run%choices, errors)
+    if (errors%any()) return
+    call self%roles%read(run%deck, run%choices, errors)
+    call self%closing%read(run%deck)
   end subroutine check
 
   !> Parts of the elements and who is awake, then the sets; after a restart those of the checkpoint.
@@ -91,6 +98,8 @@ contains
       self%bed%histories%active = self%roles%replay
       call self%bed%histories%begin(plain%cells)
       self%bed%cells = plain%cells
+      self%rebirth%cells = plain%cells
+      self%rebirth%x = plain%cells%x
       if (run%again) then
         call read_overlap_reference(run%checkpoint, run%state, reference, errors)
         if (.not. errors%any()) call read_parts(self, run, errors)
@@ -100,10 +109,13 @@ contains
       else
         call self%roles%plan(plain%cells, 0.0_wp, spell(self, run), part)
         call move_alloc(part, self%roles%part)
+        call self%closing%note_parts(self%roles%part, self%roles%part)
         call read_grains(plain, grains, timers, errors)
         if (.not. errors%any()) call self%bed%begin(grains, self%roles, plain%pack, plain%cells, &
                                                     timers, errors)
       end if
+      if (self%closing%active .and. .not. errors%any()) &
+        call self%rebirth%begin(run%solvers(side_solid), timers, errors)
       if (errors%any()) return
       self%o%sets%part = self%roles%part
       self%o%sets%by_kind = .true.
@@ -137,6 +149,8 @@ contains
         "': /adapt/base is no displacement", file%path//':/adapt/base', 'use an older checkpoint')
     end if
     call self%bed%histories%get(file, errors)
+    call self%closing%get(size(self%roles%part, kind=i4), file, errors)
+    if (self%closing%active .and. .not. errors%any()) call self%rebirth%get(file, errors)
     if (any(self%roles%part < part_none .or. self%roles%part > part_free)) &
       call errors%add('I404', "'"//file%path//"': /adapt/part names parts that there are not", &
                       file%path//':/adapt/part', 'use an older checkpoint')
@@ -162,16 +176,39 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: part(:)
+    logical :: closing(size(self%roles%part))
+    type(pack_type) :: pack_of
 
     call self%follow_exchange(run, t1, errors)
     if (errors%any() .or. .not. self%roles%is_due(self%step)) return
     if (self%step >= run%choices%exchanges) return
-    call self%roles%plan(self%o%cells, t1, spell(self, run), part)
+    call find_closing(self, run, t1, pack_of, closing, errors)
+    if (errors%any()) return
+    call self%roles%plan(self%o%cells, t1, spell(self, run), part, closing)
     if (self%roles%replay) call note_strain(self, run, t1, errors)
     if (all(part == self%roles%part) .or. errors%any()) return
+    call self%closing%note_parts(self%roles%part, part)
     call move_alloc(part, self%roles%part)
-    call self%convert(run, t1, errors)
+    call self%convert(run, t1, count(closing, kind=i4), pack_of, errors)
   end subroutine after
+
+  !> Elements that close now: those that may, if they are quiet.
+  subroutine find_closing(self, run, t1, pack_of, closing, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    real(wp), intent(in) :: t1         !! [s]
+    type(pack_type), intent(out) :: pack_of  !! grains now, if elements may close
+    logical, intent(out) :: closing(:)       !! (elements)
+    type(error_list_type), intent(inout) :: errors
+    logical :: quiet
+    closing = .false.
+    if (.not. self%closing%active) return
+    call ask_places(run%solvers(side_grains), pack_of, run%timers, errors)
+    if (errors%any()) return
+    call self%roles%may_close(self%o%cells, t1, spell(self, run), closing)
+    call self%closing%look(self%o%cells, self%roles%part, pack_of, closing, quiet)
+    closing = closing .and. quiet
+  end subroutine find_closing
 
   !> What the elements have gone through.
   subroutine note_strain(self, run, t1, errors)
@@ -187,10 +224,12 @@ contains
   end subroutine note_strain
 
   !> Elements are opened: who wakes, who is free, and the overlap made anew.
-  subroutine convert(self, run, t1, errors)
+  subroutine convert(self, run, t1, closed, pack_of, errors)
     class(adaptive_scale_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
-    real(wp), intent(in) :: t1  !! [s]
+    real(wp), intent(in) :: t1             !! [s]
+    integer(i4), intent(in) :: closed      !! elements
+    type(pack_type), intent(in) :: pack_of  !! grains now, if elements may close
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
     real(wp) :: before(5), change(5)
@@ -199,6 +238,9 @@ contains
     before = totals(self%o)
     call run%timers%start('conversions')
     call carry_from(self%o, run%solvers(side_solid), carried, run%timers, errors)
+    self%bed%change = change_type(closed=closed)
+    if (self%closing%active .and. .not. errors%any()) &
+      call close_elements(self, run, pack_of, carried, errors)
     if (.not. errors%any()) call self%bed%convert(self%o, run%solvers(side_grains), self%roles, &
                                                   carried, run%timers, errors)
     if (.not. errors%any()) call self%bed%leave_behind(run%solvers(side_grains), self%roles, &
@@ -217,10 +259,35 @@ contains
                                 norm2(change(3:))], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
         str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
-        ' are awake'//replays_text(told, self%gap))
+        ' are awake'//closed_text(told)//replays_text(told, self%gap))
     end associate
     call renew_watch(self, run, errors)
   end subroutine convert
+
+  !> Elements that have closed: nodes where the grains are, who becomes a ghost and who sleeps.
+  subroutine close_elements(self, run, pack_of, carried, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(pack_type), intent(in) :: pack_of
+    type(carried_type), intent(inout) :: carried
+    type(error_list_type), intent(inout) :: errors
+    type(cells_type) :: placed
+    type(fate_type) :: fate
+    call self%rebirth%place(run%solvers(side_solid), self%roles%part, pack_of, carried, &
+                            run%timers, errors)
+    if (errors%any()) return
+    call self%bed%cells%place(self%rebirth%x + carried%u, placed)
+    call self%closing%sort_out(placed, self%roles, pack_of, carried%v, fate)
+    call self%bed%close_behind(run%solvers(side_grains), pack_of%id, fate, run%timers, errors)
+  end subroutine close_elements
+
+  !> Of elements that have closed, if there are any.
+  pure function closed_text(change) result(text)
+    type(change_type), intent(in) :: change
+    character(len=:), allocatable :: text
+    text = ''
+    if (change%closed > 0) text = '; '//str(change%closed)//' elements have closed'
+  end function closed_text
 
   !> Of replays, if there were any.
   pure function replays_text(change, gap) result(text)
@@ -301,7 +368,8 @@ contains
         real(count(part == part_none), wp), real(count(part == part_ghost), wp), &
         real(change%woken, wp), real(change%freed, wp), real(change%slept, wp), &
         real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
-        self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers], errors)
+        self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers, &
+        real(change%closed, wp), self%closing%found], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note
@@ -331,6 +399,8 @@ contains
     call file%put('/adapt/part', self%roles%part, errors)
     if (allocated(self%o%map%base)) call file%put('/adapt/base', self%o%map%base, errors)
     call self%bed%histories%put(file, errors)
+    call self%closing%put(file, errors)
+    if (self%closing%active) call self%rebirth%put(file, errors)
     call self%o%ledger%put_bond(file, errors)
     call file%put('/adapt/numbers', [real(self%conversions, wp), self%energy], errors)
   end subroutine put_own

@@ -5,14 +5,15 @@ module cpl_overlap_carry
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_force, verb_kick_drift
-  use talus_port_names, only: dot_force, dot_u, dot_v, field_brief, field_drift, field_kick, &
-    field_scope, field_u, role_report, scope_balance
+  use talus_port_names, only: dot_force, dot_u, dot_v, field_brief, field_drift, field_held, &
+    field_kick, field_scope, field_u, role_report, scope_balance
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type
+  use cpl_sets, only: part_none
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: carried_type, carry_from, look_at_motion, hold_difference
+  public :: carried_type, carry_from, look_at_motion, hold_difference, any_closes
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
   integer(i4), parameter :: was_bulk = 0, was_edge = 1, was_prescribed = 2
@@ -24,6 +25,7 @@ module cpl_overlap_carry
                                                 !! [N]; on those what free grains get of it
     integer(i4), allocatable :: was(:)          !! (nodes) was_...
     integer(i4), allocatable :: part(:)         !! (elements) see cpl_sets
+    logical, allocatable :: held(:, :)          !! (3, nodes) by the solid's deck
   end type carried_type
 
 contains
@@ -72,6 +74,7 @@ contains
     type(carried_type), intent(out) :: carried
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: held(:, :)
     integer(i4) :: k, a
 
     allocate (carried%u(3, o%cells%nodes), carried%v(3, o%cells%nodes), &
@@ -80,6 +83,9 @@ contains
     carried%part = o%sets%part
     call select_nodes(o, solid, [(int(k, i8), k=1, o%cells%nodes)], timers, errors)
     if (errors%any()) return
+    call solid%reply%take_int(field_held, held, errors)
+    if (errors%any()) return
+    carried%held = held == 1
     call solid%start_request(verb_kick_drift, o%step, solid%time, solid%time)
     call solid%request%put(field_kick, 0.0_wp)
     call solid%request%put(field_drift, 0.0_wp)
@@ -109,20 +115,29 @@ contains
   !> Loads that hold what jumps: what moves by itself gets the force that it had, and so do free
   !! grains by nodes around which no element has changed its part. Of other nodes that follow free
   !! grains the elements act, strained since the start as they are, and the ghosts' part is held:
-  !! what the changed elements carried the grains in them carry now.
+  !! what the changed elements carried the grains in them carry now. Where elements close nodes that
+  !! followed grains, or had no continuum, begin in balance, and no grain feels a new force.
   subroutine hold_difference(o, carried)
     type(overlap_type), intent(inout) :: o
     type(carried_type), intent(in) :: carried
     real(wp) :: f(3, o%op%nodes)
-    logical :: changed(o%cells%nodes)
+    logical :: changed(o%cells%nodes), closed(o%cells%nodes)
     integer(i4) :: k, a, e
     changed = .false.
+    closed = .false.
     do e = 1, o%cells%elements
-      if (o%sets%part(e) /= carried%part(e)) changed(o%cells%nodes_of(e)) = .true.
+      if (o%sets%part(e) == carried%part(e)) cycle
+      changed(o%cells%nodes_of(e)) = .true.
+      if (closes(carried%part(e), o%sets%part(e))) closed(o%cells%nodes_of(e)) = .true.
     end do
     do k = 1, o%op%nodes
       a = o%op%node(k)
-      if (k > o%op%prescribed) then
+      if (closed(a) .and. k > o%op%prescribed .and. carried%was(a) == was_prescribed) then
+        f(:, k) = -o%forces%f(:, k) - o%forces%bulk(:, k)
+      else if (closed(a) .and. k <= o%op%prescribed) then
+        f(:, k) = merge(carried%total(:, a), 0.0_wp, carried%was(a) == was_prescribed) &
+          - o%forces%f(:, k)
+      else if (k > o%op%prescribed) then
         f(:, k) = carried%total(:, a) - o%forces%f(:, k) - o%forces%bulk(:, k)
       else if (carried%was(a) == was_prescribed .and. .not. changed(a)) then
         f(:, k) = carried%total(:, a) - o%forces%f(:, k)
@@ -132,4 +147,23 @@ contains
     end do
     call o%hold_loads(f)
   end subroutine hold_difference
+
+  !> Does any element close?
+  pure logical function any_closes(o, carried)
+    type(overlap_type), intent(in) :: o
+    type(carried_type), intent(in) :: carried
+    any_closes = any(closes(carried%part, o%sets%part))
+  end function any_closes
+
+  !> Does an element go towards continuum?
+  pure elemental logical function closes(before, after)
+    integer(i4), intent(in) :: before, after  !! part_*
+    closes = openness(after) < openness(before)
+  end function closes
+
+  !> Continuum alone, with ghosts, with free grains, grains alone: 0 to 3.
+  pure elemental integer(i4) function openness(part)
+    integer(i4), intent(in) :: part
+    openness = merge(3_i4, part, part == part_none)
+  end function openness
 end module cpl_overlap_carry

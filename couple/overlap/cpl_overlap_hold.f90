@@ -16,7 +16,7 @@ module cpl_overlap_hold
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: hold_solid, hold_weight, rest_beyond, rehearse
+  public :: hold_solid, hold_beyond, hold_weight, rest_beyond, rehearse
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
 
@@ -48,6 +48,26 @@ contains
     if (allocated(o%start%hold)) call send_hold(o, solid, timers, errors)
     call select_one(o, solid, timers, errors)
   end subroutine hold_solid
+
+  !> Within a run: nodes beyond the edge go on under the forces that they had, some of which
+  !! talus-couple put on them until now.
+  subroutine hold_beyond(o, solid, total, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    real(wp), intent(in) :: total(:, :)  !! (3, nodes) [N]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: now(:, :), weight(:, :)
+    logical, allocatable :: free(:, :)
+
+    call select_all(o, solid, free, weight, timers, errors)
+    if (errors%any()) return
+    call ask_forces(o, solid, scope_balance, now, timers, errors)
+    if (errors%any()) return
+    o%start%hold = o%start%hold + merge(total - now, 0.0_wp, free)
+    call send_hold(o, solid, timers, errors)
+    call select_one(o, solid, timers, errors)
+  end subroutine hold_beyond
 
   !> Dead loads on the free grains against the weight of what elements outside give to the nodes
   !! that follow them: it acts with the mass, and no stress carries it when the coupling begins.

@@ -177,15 +177,10 @@ contains
     type(overlap_type), intent(in) :: o
     real(wp), intent(in) :: u(:, :)  !! (3, nodes) [m]
     type(cells_type), intent(out) :: moved
-    moved%nodes = o%cells%nodes
-    moved%elements = o%cells%elements
-    moved%x = o%cells%x
-    moved%x(:, o%op%node) = o%map%x_node + u
-    moved%kind = o%cells%kind
-    moved%start = o%cells%start
-    moved%node = o%cells%node
-    moved%polar = o%cells%polar
-    call moved%prepare()
+    real(wp) :: x(3, o%cells%nodes)
+    x = o%cells%x
+    x(:, o%op%node) = o%map%x_node + u
+    call o%cells%place(x, moved)
   end subroutine move_mesh
 
   !> Where the free grains are; element 0 outside of the elements of free grains.

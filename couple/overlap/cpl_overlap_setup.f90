@@ -18,9 +18,9 @@ module cpl_overlap_setup
   use cpl_operators, only: map_choice_type, weigh_unit, weigh_mass, weigh_volume
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
     prescribed_phi_set, edge_phi_set, off_set
-  use cpl_overlap_carry, only: carried_type, hold_difference
+  use cpl_overlap_carry, only: carried_type, hold_difference, any_closes
   use cpl_overlap_file, only: hash_of
-  use cpl_overlap_hold, only: hold_solid, hold_weight
+  use cpl_overlap_hold, only: hold_solid, hold_beyond, hold_weight
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: share_mass, damp_fine_scale
@@ -369,7 +369,8 @@ contains
         timers, errors)
       return
     end if
-    if (present(carried)) call o%motion%set_speed(carried%v(:, o%op%node))
+    if (present(carried)) call go_on(o, solvers(side_solid), carried, timers, errors)
+    if (errors%any()) return
     call o%op%to_ghosts(o%motion%v, o%motion%w, v, spin)
     call evaluate_forces(o, solvers, v, spin, solvers(1)%time, timers, errors)
     if (.not. (o%rules%static .or. errors%any())) &
@@ -392,6 +393,18 @@ contains
     end if
     if (o%rules%static) call begin_static(o, start%stiffness, start%touching)
   end subroutine begin_overlap
+
+  !> Nodes go on with the velocities that they had; where elements close those beyond the edge do so
+  !! under the forces that they had.
+  subroutine go_on(o, solid, carried, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(carried_type), intent(in) :: carried
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call o%motion%set_speed(merge(0.0_wp, carried%v(:, o%op%node), o%own%held))
+    if (any_closes(o, carried)) call hold_beyond(o, solid, carried%total, timers, errors)
+  end subroutine go_on
 
   !> Damping of the fine scale, strongest at the ghosts. D426: more than a step can take.
   subroutine make_damping(o, rate, grains, errors)

@@ -253,15 +253,15 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 15, &
+    call table%add_group('adapt', 18, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
       //'elements nodes follow the grains, inside there is no continuum, around them are ' &
-      //'layers of ghosts, and elsewhere grains sleep. What was opened stays open. With ' &
-      //'`&overlap free_elements = ''adapt'', ghost_elements = ''adapt'', partition = ' &
-      //'''share'', initial = ''dead_load''` and classical solids (D460). Written to ' &
-      //'`<deck>_conversions.csv`.')
+      //'layers of ghosts, and elsewhere grains sleep. What was opened stays open, leaves' &
+      //' (`keep_behind`) or closes (`close_behind`). With `&overlap free_elements = ' &
+      //'''adapt'', ghost_elements = ''adapt'', partition = ''share'', initial = ''dead_load''` ' &
+      //'and classical solids (D460). Written to `<deck>_conversions.csv`.')
     call table%add_key('centre', 'real', 'm', &
       'Middle of a box around the body at the start, along the axes.')
     call table%need()
@@ -343,10 +343,33 @@ contains
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('close_behind', 'real', 'm', &
+      'Opened elements that are farther behind the box close again, once they are ' &
+      //'quiet: their grains become ghosts, then continuum; 0: they stay open.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%excludes('keep_behind')
+    call group_adapt_3(table)
+  end subroutine group_adapt_2
+
+  subroutine group_adapt_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('quiet_strain', 'real', '', &
+      'Most strain between two plans in an element that closes.')
+    call table%preset('0.0003')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('quiet_moved', 'real', '', &
+      'Most motion of its grains past that strain, root mean square, in diameters of ' &
+      //'the largest grain.')
+    call table%preset('0.01')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%add_key('most_grains', 'integer', '', 'Most grains that may be awake (N463).')
     call table%preset('200000')
     call table%bounds(min=1.0_wp)
-  end subroutine group_adapt_2
+  end subroutine group_adapt_3
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table

@@ -118,16 +118,21 @@ contains
     integer(i4), allocatable :: index(:), kind(:), now(:)
     integer(i8), allocatable :: ids(:)
     type(start_springs_type) :: springs
+    real(wp), allocatable :: given(:, :), v(:, :)
     logical :: none(model%system%grains%n)
 
     call check_open(model, request, errors)
     call request%take_int(field_id, ids, errors)
     call request%take_int(field_kind, kind, errors)
+    allocate (given(3, size(ids)), source=0.0_wp)
+    if (request%has(field_v) .and. .not. errors%any()) call request%get(field_v, given, errors)
     call request%all_read(errors)
     if (errors%any()) return
     call check_kinds(request, kind, size(ids), errors)
     call model%system%find(ids, index, errors)
     if (errors%any()) return
+    allocate (v(3, model%system%grains%n), source=0.0_wp)
+    v(:, index) = given
     now = model%system%grains%kind
     now(index) = kind
     if (any(now(index) /= model%system%grains%kind(index) .and. &
@@ -142,9 +147,9 @@ contains
                                      model%system%grains%kind == kind_ghost)
     if (model%bed%active) then
       call springs_of_freed(model, now, springs)
-      call model%system%leave(none, now, springs)
+      call model%system%leave(none, now, springs, v)
     else
-      call model%system%leave(none, now)
+      call model%system%leave(none, now, v=v)
     end if
     call renew_driven(model)
   end subroutine set_kinds

@@ -36,15 +36,16 @@ contains
 
   !> These grains leave: their contacts are gone, and what they and those stored. Of the others some
   !! may be held from now on, or be free; springs hang on contacts of those.
-  subroutine remove_grains(d, leaving, kind, springs)
+  subroutine remove_grains(d, leaving, kind, springs, v)
     type(dem_data_type), intent(inout) :: d
     logical, intent(in) :: leaving(:)          !! (grains)
     integer(i4), intent(in), optional :: kind(:)  !! (grains) from now on
     type(start_springs_type), intent(in), optional :: springs
+    real(wp), intent(in), optional :: v(:, :)     !! (3, grains) of what becomes held [m/s]
     real(wp), allocatable :: none(:, :)
     type(dem_ledger_type) :: before
     call refresh_stored(d, d%ledger_dt, before)
-    if (present(kind)) call change_kinds(d, kind)
+    if (present(kind)) call change_kinds(d, kind, v)
     allocate (none(grain_reals(d%grains%shapes%in_use), 0))
     call exchange_grains(d, leaving, none)
     if (present(springs)) call hang_springs(d, springs)
@@ -132,10 +133,11 @@ contains
     call find_forces(d)
   end subroutine change_memory
 
-  !> Kinds from now on; what becomes held stands still.
-  subroutine change_kinds(d, kind)
+  !> Kinds from now on; what becomes held stands still, or goes on at v.
+  subroutine change_kinds(d, kind, v)
     type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: kind(:)  !! (grains)
+    integer(i4), intent(in) :: kind(:)             !! (grains)
+    real(wp), intent(in), optional :: v(:, :)      !! (3, grains) [m/s]
     integer(i4) :: i
     do i = 1, d%grains%n
       if (kind(i) == d%grains%kind(i)) cycle
@@ -143,6 +145,7 @@ contains
       if (is_prescribed(kind(i))) then
         d%grains%v(:, i) = 0.0_wp
         d%grains%omega(:, i) = 0.0_wp
+        if (present(v)) d%grains%v(:, i) = v(:, i)
       end if
       call put_body(d%grains, i, d%pairs%body(:, i))
     end do

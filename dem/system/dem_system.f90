@@ -253,13 +253,14 @@ contains
   end subroutine restore
 
   !> These grains leave between two steps; the whole has been gathered.
-  subroutine leave(self, leaving, kind, springs)
+  subroutine leave(self, leaving, kind, springs, v)
     class(dem_system_type), intent(inout) :: self
     logical, intent(in) :: leaving(:)             !! (grains)
     integer(i4), intent(in), optional :: kind(:)  !! (grains) of those that stay, from now on
     type(start_springs_type), intent(in), optional :: springs  !! of contacts of those let go
+    real(wp), intent(in), optional :: v(:, :)  !! (3, grains) of those held from now on [m/s]
     call follow_step(self%dem_data_type, self%par%dt)
-    call remove_grains(self%dem_data_type, leaving, kind, springs)
+    call remove_grains(self%dem_data_type, leaving, kind, springs, v)
     call settle_change(self)
   end subroutine leave
 

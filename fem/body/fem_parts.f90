@@ -55,6 +55,7 @@ module fem_parts
   !> What a partner at the port sets.
   type :: fem_port_values_type
     logical, allocatable :: prescribed(:, :)     !! (3, blocks) moved
+    real(wp), allocatable :: moved(:, :)  !! places at rest, from those of the mesh (3, nodes) [m]
     real(wp), allocatable :: given_u(:, :), given_v(:, :)  !! (3, blocks) [m], for output [m/s]
     real(wp), allocatable :: port_load(:, :)     !! (3, blocks) now [N]
     real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) constant [N]

@@ -390,7 +390,7 @@ contains
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call body%whole%collect_cells(mean)
     if (step%leads) call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
-    call step%put('u', body%accepted%u(:, :n), errors)
+    call step%put('u', whole_motion(body, n), errors)
     call step%put('v', merge(body%port%given_v(:, :n), body%accepted%v(:, :n), &
       body%port%prescribed(:, :n) .and. abs(body%port%given_v(:, :n)) > 0.0_wp), errors)
     call step%put('reaction', body%accepted%reaction(:, :n), errors)
@@ -403,6 +403,15 @@ contains
     if (step%leads) call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
     if (step%leads) call self%xdmf%write(self%series, errors)
   end subroutine write_fields
+
+  !> Displacements from the mesh of the deck, also of nodes that a partner has put elsewhere.
+  pure function whole_motion(body, n) result(u)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: n
+    real(wp) :: u(3, n)
+    u = body%accepted%u(:, :n)
+    if (allocated(body%port%moved)) u = u + body%port%moved(:, :n)
+  end function whole_motion
 
   !> Micro-rotations, their rates and reactions; `nodal` is workspace.
   subroutine write_rotations(body, nodal, step, errors)

@@ -5,8 +5,8 @@ module fem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, name_length
   use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_force, &
-    can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_prescribe, &
-    can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
+    can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_places, &
+    can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
     field_analysis, field_capabilities, field_connectivity, field_couple, field_couple_stress, &
     field_deck_hash, field_element, field_force, field_gravity, field_id, field_kind, field_law, &
     field_mass_phi, field_mass_u, field_mean, field_micro_stress, field_micromorphic, &
@@ -16,7 +16,7 @@ module fem_port_state
     field_t_end, field_tangent, field_time, field_value, field_value_phi, field_version, &
     field_weight, field_weight_phi, field_what, field_x, field_young, what_dead_load, &
     what_facets, what_group, what_groups, what_initial_stress, what_mass_factor, what_moduli, &
-    what_quad_weight, what_quadrature, what_springs
+    what_places, what_quad_weight, what_quadrature, what_springs
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_plastic, &
     scalar_background_damping, &
@@ -26,6 +26,7 @@ module fem_port_state
   use talus_version, only: version_text
   use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
+  use fem_port_places, only: set_places
   use fem_elastic, only: classical
   use fem_micropolar, only: lame_moduli, violated_inequality
   use fem_port_stress, only: set_begun_stress
@@ -44,7 +45,8 @@ module fem_port_state
   character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
     ','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
     can_checkpoint//','//can_rehearsal//','//can_springs//','//can_dead_load//','// &
-    can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor
+    can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor//','// &
+    can_places
 
 contains
 
@@ -220,7 +222,7 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text(field_what, what, errors)
-    if (body%matter%active .and. what == what_moduli) &
+    if (body%matter%active .and. (what == what_moduli .or. what == what_places)) &
       call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
       request%place(), 'give the constants in the deck of the solid, or use linear laws')
     if (errors%any()) return
@@ -239,12 +241,14 @@ contains
       call set_weights(body, request, errors)
     case (what_moduli)
       call set_moduli(body, request, errors)
+    case (what_places)
+      call set_places(body, request, errors)
     case (what_mass_factor)
       call set_mass_factor(body, sets, request, errors)
     case default
       call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), &
         'choices: springs, '// &
-                      'dead_load, initial_stress, quad_weight, moduli and mass_factor')
+                      'dead_load, initial_stress, quad_weight, moduli, places and mass_factor')
     end select
   end subroutine set_values
 

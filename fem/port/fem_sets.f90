@@ -106,7 +106,8 @@ contains
   end subroutine check_set
 
   !> Mark what the prescribe sets move; what they did not move before keeps its displacement;
-  !! within a run its partner knows from now on how it moves.
+  !! within a run its partner knows from now on how it moves. What they do not move any more goes
+  !! on with the velocity that came last.
   subroutine mark_prescribed(self, body, changed)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
@@ -126,6 +127,10 @@ contains
         body%state%a = 0.0_wp
         body%accepted%v = 0.0_wp
         body%accepted%a = 0.0_wp
+      end where
+      where (body%port%prescribed .and. .not. chosen)
+        body%state%v = body%port%given_v
+        body%accepted%v = body%port%given_v
       end where
     end if
     call body%port%prescribe(chosen, body%accepted%u)

@@ -80,7 +80,7 @@ ROLES = (
 CAPABILITIES = (
     "report", "prescribe", "load", "surface", "border", "advance", "solve", "force",
     "kick_drift", "reject", "checkpoint", "rehearsal", "contact_weight", "mass_factor",
-    "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli",
+    "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli", "places",
 )
 
 # scopes of FORCE
@@ -90,8 +90,8 @@ SCOPES = (
 
 WHATS = (
     "grains", "contacts", "border", "asleep", "mesh", "facets", "quadrature", "moduli",
-    "groups", "group", "contact_weight", "kind", "mass_factor", "quad_weight", "initial_stress",
-    "springs", "dead_load",
+    "groups", "group", "contact_weight", "kind", "places", "mass_factor", "quad_weight",
+    "initial_stress", "springs", "dead_load",
 )
 
 
@@ -303,6 +303,11 @@ REQUESTS = {
     "SET kind": (
         ("id", "integer", "(given)", "both", True),
         ("kind", "integer", "(given)", "both", True),
+        ("v", "real", "(3, given)", "both", False),
+    ),
+    "SET places": (
+        ("node", "integer", "(given)", "both", True),
+        ("x", "real", "(3, given)", "both", True),
     ),
     "SET mass_factor": (
         ("set", "text", "text", "both", True),

@@ -1,0 +1,96 @@
+"""Elements that close behind a body: exact at rest and in flight, the same bits after a restart."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from opened_column import OVERLAP, WIDE, D, spheres, write
+from test_adapt import run, use_contacts
+
+from talus.packing import read_packing, write_h5
+from talus.verification import field_steps, read_history
+
+CLOSING = ", close_behind = 2.0e-3"
+
+
+def write_long(folder: Path, more: str = CLOSING) -> None:
+    """Write the column and a way on which elements open and close many times."""
+    write(folder, more, 20)
+    deck = folder / "coupled.nml"
+    deck.write_text(deck.read_text().replace("t_end = 1.2e-4", "t_end = 2.0e-4"))
+
+
+@pytest.mark.parametrize("contacts", ["step", "exchange"])
+def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None:
+    """As many grains fall asleep behind the body as wake before it; nothing moves."""
+    write_long(tmp_path)
+    use_contacts(tmp_path, contacts)
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    assert rows["closed"].sum() >= 8 and rows["left"].sum() >= 56 and rows["awake"].max() <= 72
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    assert audit["grains_kinetic"].max() < 1e-18 * audit["grains_elastic"][-1]
+    assert np.abs(audit["total_energy"] - audit["conversion_energy"]
+                  - audit["total_energy"][0]).max() < 1e-9 * audit["total_energy"][-1]  # fmt: skip
+    last = field_steps(tmp_path / "grains.h5")[-1].grains
+    row, copy = (last["id"] - 1) % 8, (last["id"] - 1) // 8
+    x = spheres(range(2))[row] + copy[:, None] * np.array([0.0, 0.0, 2.0 * D])
+    assert np.abs(last["x"] - x).max() < 1e-9 * D
+    assert last["x"][:, 2].min() > 10.0 * D
+
+
+def test_a_restart_has_the_same_bits(tmp_path: Path) -> None:
+    """From every checkpoint, before and between elements that close."""
+    write_long(tmp_path)
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = 1e-3 * np.sin(1e3 * packing.x)
+    write_h5(tmp_path / "packing.h5", packing)
+    assert run(tmp_path).returncode == 0
+    names = ("coupled_audit.csv", "grains_energy.csv", "coupled_conversions.csv")
+    whole = {name: (tmp_path / name).read_bytes() for name in names}
+    assert read_history(tmp_path / "coupled_conversions.csv")["closed"].sum() >= 8
+    manifests = sorted(tmp_path.glob("coupled.[0-9]*.manifest"))
+    assert len(manifests) >= 6
+    for manifest in manifests:
+        done = run(tmp_path, f"--restart={manifest.name}")
+        assert done.returncode == 0, done.stdout
+        for name, content in whole.items():
+            assert (tmp_path / name).read_bytes() == content, (manifest.name, name)
+
+
+@pytest.mark.parametrize("contacts", ["step", "exchange"])
+def test_a_bed_that_flies_keeps_its_momentum(contacts: str, tmp_path: Path) -> None:
+    """Elements that close have the grains' momentum and kinetic energy where densities agree."""
+    write_long(tmp_path)
+    use_contacts(tmp_path, contacts)
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
+    write_h5(tmp_path / "packing.h5", packing)
+    mass = 2650.0 * np.pi / 6.0 * D**3 * (1.0 + OVERLAP) ** 3
+    text = (tmp_path / "solid.nml").read_text()
+    text = text.replace("1388.0", repr(float(8 * mass / (WIDE**2 * 2.0 * D))))
+    lines = [line for line in text.splitlines() if not line.startswith("&support")]
+    text = "\n".join(lines) + "\n&initial group = 'all', component = 'z', value = 1.0 /\n"
+    (tmp_path / "solid.nml").write_text(text)
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    assert rows["closed"].sum() >= 8
+    assert rows["momentum"].max() < 1e-11 * 160 * mass
+    assert np.abs(rows["kinetic"]).max() < 1e-11 * 80 * mass
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    assert np.ptp(audit["momentum_z"]) < 1e-9 * 160 * mass
+
+
+def test_a_bed_that_moves_stays_open(tmp_path: Path) -> None:
+    """Elements whose grains move past the strain do not close: nothing falls asleep."""
+    write_long(tmp_path, CLOSING + ", quiet_moved = 1.0e-9")
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = 1e-3 * np.random.default_rng(1).standard_normal((len(packing.x), 3))
+    write_h5(tmp_path / "packing.h5", packing)
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    assert rows["closed"].sum() == 0 and rows["left"].sum() == 0
+    assert rows["past_strain"].max() > 1e-9
