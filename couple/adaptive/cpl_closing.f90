@@ -190,7 +190,8 @@ contains
       if (spot%element == 0) cycle
       associate (part => roles%part(spot%element))
         fate%leaving(g) = part == part_rest
-        fate%bound(g) = part == part_ghost .and. self%shut(spot%element) .and. pack_of%kind(g) == free
+        fate%bound(g) = part == part_ghost .and. self%shut(spot%element) .and. &
+          pack_of%kind(g) == free
       end associate
       if (fate%bound(g)) &
         fate%v(:, g) = matmul(v(:, cells%nodes_of(spot%element)), spot%weight(:spot%n))

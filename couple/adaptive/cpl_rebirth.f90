@@ -164,7 +164,8 @@ contains
     size_of = (size_of/max(1, count(part /= part_none)))**(1.0_wp/3.0_wp)
   end function size_of
 
-  !> New nodes at which an outer face looks up: along gravity they go where the grains end.
+  !> New nodes at which an outer face looks up go along gravity where the grains end; those of other
+  !! outer faces stay in them.
   subroutine find_surface(self, gravity, pack_of, u, fixed)
     type(rebirth_type), intent(inout) :: self  !! x is the change of the places at rest
     real(wp), intent(in) :: gravity(3)         !! [m/s^2]
@@ -173,29 +174,51 @@ contains
     logical, intent(inout) :: fixed(:, :)
     integer(i4), allocatable :: faces(:, :)
     real(wp), allocatable :: normal(:, :)
-    real(wp) :: up, height, reach
-    integer(i4) :: axis, f, k, a
-    logical :: found
+    real(wp) :: up
+    integer(i4) :: axis, c, f
 
     axis = maxloc(abs(gravity), 1)
     up = -sign(1.0_wp, gravity(axis))
     call outer_faces(self%cells, spread(.true., 1, self%cells%elements), faces, normal)
     do f = 1, size(faces, 2)
-      if (up*normal(axis, f) < upright) cycle
-      do k = 1, count(faces(:, f) > 0)
-        a = faces(k, f)
-        if (.not. self%fresh(a) .or. fixed(axis, a)) cycle
-        associate (x => self%cells%x)
-          reach = around*max(norm2(x(:, faces(1, f)) - x(:, faces(2, f))), &
-                             norm2(x(:, faces(2, f)) - x(:, faces(3, f))))
-          call find_height(pack_of, axis, up, x(:, a), reach, height, found)
-        end associate
-        if (.not. found) cycle
-        self%x(axis, a) = height - u(axis, a) - self%cells%x(axis, a)
-        fixed(axis, a) = .true.
-      end do
+      if (up*normal(axis, f) > upright) cycle
+      c = maxloc(abs(normal(:, f)), 1)
+      associate (node => faces(:count(faces(:, f) > 0), f))
+        where (self%fresh(node) .and. .not. fixed(c, node)) self%x(c, node) = 0.0_wp
+        fixed(c, node) = .true.
+      end associate
+    end do
+    do f = 1, size(faces, 2)
+      if (up*normal(axis, f) > upright) &
+        call raise_face(self, faces(:count(faces(:, f) > 0), f), axis, up, pack_of, u, fixed)
     end do
   end subroutine find_surface
+
+  !> New nodes of a face of the surface.
+  subroutine raise_face(self, node, axis, up, pack_of, u, fixed)
+    type(rebirth_type), intent(inout) :: self
+    integer(i4), intent(in) :: node(:), axis
+    real(wp), intent(in) :: up         !! +-1
+    type(pack_type), intent(in) :: pack_of
+    real(wp), intent(in) :: u(:, :)
+    logical, intent(inout) :: fixed(:, :)
+    real(wp) :: height, reach
+    integer(i4) :: k
+    logical :: found
+
+    associate (x => self%cells%x)
+      reach = around*max(norm2(x(:, node(1)) - x(:, node(2))), norm2(x(:, node(2)) - x(:, node(3))))
+      do k = 1, size(node)
+        associate (a => node(k))
+          if (.not. self%fresh(a) .or. fixed(axis, a)) cycle
+          call find_height(pack_of, axis, up, x(:, a), reach, height, found)
+          if (.not. found) cycle
+          self%x(axis, a) = height - u(axis, a) - x(axis, a)
+          fixed(axis, a) = .true.
+        end associate
+      end do
+    end associate
+  end subroutine raise_face
 
   !> Mean height of the uppermost free grains beside a line, if there are enough.
   subroutine find_height(pack_of, axis, up, x, reach, height, found)

@@ -7,6 +7,7 @@ import pytest
 from opened_column import OVERLAP, WIDE, D, spheres, write
 from test_adapt import run, use_contacts
 
+from talus.mesh import box, write_mesh
 from talus.packing import read_packing, write_h5
 from talus.verification import field_steps, read_history
 
@@ -94,3 +95,28 @@ def test_a_bed_that_moves_stays_open(tmp_path: Path) -> None:
     rows = read_history(tmp_path / "coupled_conversions.csv")
     assert rows["closed"].sum() == 0 and rows["left"].sum() == 0
     assert rows["past_strain"].max() > 1e-9
+
+
+def test_an_element_is_not_born_of_a_hollow(tmp_path: Path) -> None:
+    """N464: grains fill so little of an element that its nodes would lie almost in a plane."""
+    write_long(tmp_path)
+    size = np.array([WIDE, 6.0 * WIDE, 40.0 * D])
+    write_mesh(tmp_path / "bar.h5", box(np.zeros(3), size, (1, 1, 20)))
+    for deck in tmp_path.glob("*.nml"):
+        deck.write_text(deck.read_text().replace("gravity = 0.0, 0.0, 0.0",
+                                                 "gravity = 0.0, -9.81, 0.0")
+                        .replace("half = 1.0e-3, 1.0e-3", "half = 1.0e-3, 0.03")
+                        .replace("young = 1.0e8", "young = 1.0e6"))  # fmt: skip
+    done = run(tmp_path)
+    assert done.returncode == 2, done.stdout[-2000:] + done.stderr
+    assert "error N464: element" in done.stderr and "of its volume" in done.stderr
+
+
+def test_laws_with_a_state_stay_open(tmp_path: Path) -> None:
+    """P302 at the start: yield surfaces of elements that are born again are not known."""
+    write_long(tmp_path)
+    deck = tmp_path / "solid.nml"
+    deck.write_text(deck.read_text().replace("density = 1388.0, young", "law = 'drucker_prager', "
+                    "cohesion = 1.0e9, friction_deg = 30.0, density = 1388.0, young"))  # fmt: skip
+    done = run(tmp_path)
+    assert done.returncode != 0 and "cannot set 'places'" in done.stdout + done.stderr
