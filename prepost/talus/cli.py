@@ -15,6 +15,7 @@ from talus.commands import (
     fit,
     measure,
     mesh,
+    new,
     pack,
     plot,
     port_test,
@@ -27,7 +28,7 @@ from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor, study, view,
+    explain, doctor, study, view, new,
 )  # fmt: skip
 
 

@@ -1,0 +1,117 @@
+"""`talus new`: every template passes the check of its program, and small ones run to their end."""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from talus import cli, templates
+from talus.packing import read_packing
+from talus.programs import find_program, program_of
+from talus.verification import read_history
+
+#: smaller than --small, where the default of the kind would take more than two seconds
+TINY = {
+    "hopper": ["grains=40", "open_for=0.1"],
+    "penetration": ["grains=60", "width=0.02", "depth=3e-3"],
+}
+
+
+def made(kind: str, folder: Path, *words: str) -> templates.Template:
+    """Return the template after `talus new` wrote its small form."""
+    assert cli.main(["new", kind, "--small", "-o", str(folder), *words]) == 0
+    return templates.load(kind)
+
+
+def solve(folder: Path, line: str) -> dict:
+    """Run a deck of a template and return its summary."""
+    deck, *options = line.split()
+    program = find_program(program_of(folder / deck))
+    environment = os.environ | {"OMP_NUM_THREADS": "1"}
+    done = subprocess.run([program, deck, *options], cwd=folder, env=environment,
+                          capture_output=True, text=True, timeout=60)  # fmt: skip
+    assert done.returncode == 0, done.stdout[-2000:] + done.stderr
+    return json.loads((folder / f"{Path(deck).stem}_summary.json").read_text())
+
+
+@pytest.mark.parametrize("kind", templates.kinds())
+def test_check(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The decks are in order, no word in braces is left, and the README names every key."""
+    template = made(kind, tmp_path / kind)
+    capsys.readouterr()
+    for deck in template.decks:
+        assert cli.main(["check", str(tmp_path / kind / deck)]) == 0, capsys.readouterr().out
+    text = "".join(p.read_text() for p in (tmp_path / kind).iterdir() if p.suffix != ".h5")
+    assert not templates.WORD.search(text.replace("${", ""))
+    said = (tmp_path / kind / "README.md").read_text()
+    assert "## Change first" in said and all(f"| `{name}` |" in said for name in template.keys)
+    subprocess.run(["sh", "-n", tmp_path / kind / "run.sh"], check=True)
+
+
+@pytest.mark.parametrize("kind", list(TINY))
+def test_run(kind: str, tmp_path: Path) -> None:
+    """A small one ends well; grains flow out of the hopper, the cone meets resistance."""
+    template = made(kind, tmp_path / kind, "--set", *TINY[kind])
+    for line in template.table["decks"]:
+        assert solve(tmp_path / kind, line)["exit_code"] == 0
+    if kind == "hopper":
+        gone = read_history(tmp_path / kind / "hopper_sinks.csv")["grains"]
+        assert gone[0] == 0 and gone[-1] > 10
+    else:
+        history = read_history(tmp_path / kind / "push_surfaces.csv")
+        force = next(v for k, v in history.items() if k.startswith("force_z"))
+        assert np.max(np.abs(force)) > 1e-3
+
+
+def test_geometry(tmp_path: Path) -> None:
+    """Keys reach packings and decks; the hopper's plates have the given inclination."""
+    words = ["--set", "grains=33", "angle=45", "opening=0.02"]
+    made("hopper", tmp_path / "h", *words)
+    assert read_packing(tmp_path / "h" / "start.h5").count == 33
+    line = next(
+        text for text in (tmp_path / "h" / "hopper.nml").read_text().splitlines()
+        if "rectangle = 0.01," in text
+    )  # fmt: skip
+    corners = np.array([float(v) for v in line.split("=")[1].strip(" /").split(",")]).reshape(3, 3)
+    up = corners[2] - corners[1]
+    assert np.isclose(np.degrees(np.arctan2(up[2], up[0])), 45.0, atol=1e-4)
+
+
+def test_questions(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """On a terminal the few questions are asked once more after a wrong answer."""
+    answers = iter(["many", "25", "", "", ""])
+    monkeypatch.setattr("builtins.input", lambda text: next(answers))
+    monkeypatch.setattr("sys.stdin.isatty", lambda: True, raising=False)
+    monkeypatch.setattr("sys.stdout.isatty", lambda: True, raising=False)
+    made("drum", tmp_path / "d", "--set", "turns=0.2")
+    assert read_packing(tmp_path / "d" / "start.h5").count == 25
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "text"),
+    [
+        ("hopper --set grain=10", "E630", "did you mean 'grains'"),
+        ("hopper --set grains", "E630", "key=value"),
+        ("hopper --set grains=many", "E631", "is no whole number"),
+        ("hopper --set angle=95", "E631", "it must be at most 89 deg"),
+        ("drum --set froude=nan", "E631", "out of its range"),
+        ("drum -o full", "E632", "not empty"),
+        ("hoper", "E500", "did you mean 'hopper'"),
+    ],
+)
+def test_faults(
+    words: str, code: str, text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    """Each fault has its code and leaves nothing behind."""
+    monkeypatch.chdir(tmp_path)
+    Path("full").mkdir()
+    shutil.copy(__file__, "full/deck.nml")
+    assert cli.main(["new", *words.split()]) == 1
+    said = capsys.readouterr().err
+    assert said.startswith(f"error {code}") and text in said
+    assert [p.name for p in tmp_path.iterdir()] == ["full"]
