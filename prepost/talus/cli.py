@@ -9,6 +9,7 @@ from talus.commands import (
     check,
     checksum,
     compare,
+    completion,
     convert,
     doctor,
     explain,
@@ -28,7 +29,7 @@ from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor, study, view, new,
+    explain, doctor, study, view, new, completion,
 )  # fmt: skip
 
 
