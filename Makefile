@@ -303,6 +303,8 @@ install: all
 	rm -rf $(DESTDIR)$(PREFIX)/share/talus/talus
 	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
 	  $(DESTDIR)$(PREFIX)/share/talus
+	rm -rf $(DESTDIR)$(PREFIX)/share/talus/editors
+	PYTHONPATH=prepost PYTHONDONTWRITEBYTECODE=1 $(PYTHON) -m talus.editor_files $(DESTDIR)$(PREFIX)/share/talus/editors
 	find $(DESTDIR)$(PREFIX)/share/talus -name __pycache__ -prune -exec rm -r {} +
 	sed 's|@SHARE@|$(PREFIX)/share/talus|g; s|@BIN@|$(PREFIX)/bin|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
 	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus

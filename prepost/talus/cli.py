@@ -22,6 +22,7 @@ from talus.commands import (
     port_test,
     render,
     report,
+    schema,
     study,
     view,
 )
@@ -29,7 +30,7 @@ from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor, study, view, new, completion,
+    explain, doctor, study, view, new, completion, schema,
 )  # fmt: skip
 
 
