@@ -25,12 +25,13 @@ from talus.commands import (
     schema,
     study,
     view,
+    watch,
 )
 from talus.faults import FaultError
 
 MODULES = (
     pack, mesh, check, plot, render, convert, report, measure, compare, checksum, fit, port_test,
-    explain, doctor, study, view, new, completion, schema,
+    explain, doctor, study, view, new, completion, schema, watch,
 )  # fmt: skip
 
 
