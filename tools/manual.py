@@ -28,6 +28,9 @@ ROOT = Path(__file__).resolve().parent.parent
 ORDER = [
     "index",
     "first-run",
+    "learn-packing",
+    "learn-triaxial",
+    "learn-hopper",
     "install",
     "running",
     "ranks",
@@ -248,6 +251,8 @@ def main() -> int:
     options.out.mkdir(parents=True, exist_ok=True)
     version = (ROOT / "VERSION").read_text().strip()
     pages = gather(options.out, options.verification)
+    for picture in sorted((ROOT / "manual").glob("*.png")):
+        shutil.copy(picture, options.out)
     names = [n for n in ORDER if n in pages] + sorted(set(pages) - set(ORDER))
     titles = {name: title_of(pages[name], name) for name in names}
     dead = 0

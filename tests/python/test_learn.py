@@ -1,0 +1,75 @@
+"""The pages manual/learn-*.md: one skeleton, and their commands work, in small form."""
+
+import os
+import re
+import shlex
+import subprocess
+from pathlib import Path
+
+import pytest
+
+from talus import cli
+from talus.programs import find_program
+
+MANUAL = Path(__file__).resolve().parents[2] / "manual"
+PAGES = sorted(MANUAL.glob("learn-*.md"))
+HEADS = ["What you need", "Steps", "What you see", "Questions"]
+SMALL = {
+    "packing": ["grains=140", "young=2e6"],
+    "triaxial": ["grains=100", "strain=0.005", "young=5e7", "stress=5e3"],
+    "hopper": ["grains=40", "open_for=0.07"],
+}
+
+
+def commands(page: Path) -> list[str]:
+    """Return the commands of the steps of a page."""
+    steps = page.read_text().split("## Steps")[1].split("## What you see")[0]
+    blocks = re.findall(r"^```\n(.*?)^```", steps, flags=re.M | re.S)
+    lines = [line for block in blocks for line in block.splitlines()]
+    return [line.split("#")[0].strip() for line in lines if not line.startswith("#")]
+
+
+def do(line: str) -> None:
+    """Run one command of a page, `talus new` in small form; pictures are only parsed."""
+    words = shlex.split(line)
+    if words[0] == "cd":
+        os.chdir(words[1])
+    elif words[:2] == ["talus", "new"]:
+        assert cli.main([*words[1:], "--small", "--set", *SMALL[words[2]]]) == 0
+    elif words[:2] in (["talus", "render"], ["talus", "view"], ["talus", "watch"]):
+        options = cli.build_parser().parse_args(words[1:])
+        assert Path(getattr(options, "grains", None) or options.folder).exists()
+    elif words[0] == "talus":
+        assert cli.main(words[1:]) == 0
+    else:
+        environment = os.environ | {"OMP_NUM_THREADS": "1"}
+        program = find_program(words[0])
+        done = subprocess.run([program, *words[1:]], env=environment, capture_output=True,
+                              text=True, timeout=60)  # fmt: skip
+        assert done.returncode == 0, done.stdout[-2000:] + done.stderr
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_skeleton(page: Path) -> None:
+    """A page begins with its picture and has the same parts in the same order."""
+    text = page.read_text()
+    pictures = re.findall(r"!\[[^\]]+\]\(([^)]+)\)", text)
+    assert pictures and all((MANUAL / name).is_file() for name in pictures)
+    assert text.index("![") < text.index("## ")
+    assert re.findall(r"^## (.*)$", text, flags=re.M) == HEADS
+    assert text.split("## Questions")[1].count("**") >= 6  # three questions
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
+def test_steps(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every command of the steps works from a fresh folder, in the order of the page."""
+    monkeypatch.chdir(tmp_path)
+    lines = commands(page)
+    assert len(lines) > 4 and lines[0].startswith("talus new")
+    for line in lines:
+        do(line)
+
+
+def test_pages() -> None:
+    """There are pages for the packing, the triaxial test and the hopper."""
+    assert {page.stem.removeprefix("learn-") for page in PAGES} == set(SMALL)
