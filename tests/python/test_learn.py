@@ -16,8 +16,8 @@ PAGES = sorted(MANUAL.glob("learn-*.md"))
 HEADS = ["What you need", "Steps", "What you see", "Questions"]
 SMALL = {
     "packing": ["grains=140", "young=2e6"],
-    "triaxial": ["grains=100", "strain=0.005", "young=5e7", "stress=5e3"],
-    "hopper": ["grains=40", "open_for=0.07"],
+    "triaxial": ["grains=100", "strain=0.005", "compressed=0.08"],
+    "hopper": ["grains=40", "open_for=0.07", "width=0.04"],
 }
 
 
@@ -67,7 +67,8 @@ def test_steps(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
     lines = commands(page)
     assert len(lines) > 4 and lines[0].startswith("talus new")
     for line in lines:
-        do(line)
+        if page.stem == "learn-packing" or not line.startswith("talus report"):  # once is enough
+            do(line)
 
 
 def test_pages() -> None:
