@@ -256,6 +256,7 @@ contains
     if (errors%any()) return
     self%renewed = .true.
     call self%sets%forget_grains()
+    call self%model%system%clear_extra()  ! held for sets that are none now
     call carry_masses(self, ids)
   end subroutine repopulate
 

@@ -81,3 +81,24 @@ def test_what_wakes_has_the_contacts_of_the_whole_bed(
     bed.ask("READY")
     bed.ask("STOP")
     assert bed.process.wait(60) == 0
+
+
+def test_loads_do_not_outlive_their_sets(tile: tuple[Path, Packing], begin: object) -> None:
+    """After a conversion no force acts on a grain that the partner does not name again."""
+    bed = begin(tile[1].repeated((3, 1, 1)))
+    last = int(3 * COUNT)
+
+    def pushed() -> float:
+        bed.ask("SELECT", set="one", role="report", id=[last], fields="v")
+        bed.ask("READY")
+        one = bed.ask("KICK_DRIFT", kick=0.0, drift=0.0).fields["one.v"]
+        two = bed.ask("KICK_DRIFT", kick=1.0e-6, drift=0.0).fields["one.v"]
+        return float((two - one)[0, 0])
+
+    alone = pushed()
+    bed.ask("SELECT", set="load", role="load", id=[last], fields="none")
+    bed.ask("READY")
+    bed.ask("KICK_DRIFT", kick=1.0e-6, drift=0.0, load__force=np.array([[5.0, 0.0, 0.0]]))
+    bed.ask("SET", what="kind", id=[1], kind=[3])
+    assert abs(pushed() - alone) < 1e-3 * abs(alone) + 1e-9
+    bed.ask("STOP")
