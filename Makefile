@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx lammps scikit-fem calculix crushing \
+  overlap-penetration moving-window fenicsx lammps scikit-fem calculix crushing gravity \
   verification verification-ranks manual bench mutants fuzz
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -150,7 +150,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx lammps scikit-fem calculix crushing \
+  moving-window fenicsx lammps scikit-fem calculix crushing gravity \
   bench bench-deps verification verification-ranks manual mutants style install
 PY := $(VENV)/bin/python
 
@@ -175,6 +175,7 @@ help:
 	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
 	  'make scikit-fem    a solid of scikit-fem in the place of talus-fem (minutes)' \
 	  'make calculix      the matrix of CalculiX in the place of talus-fem (minutes)' \
+	  'make gravity       a tool in a bed under gravity: grains, overlap, rigid box (three minutes)' \
 	  'make crushing      breaking spheres in an oedometer (two minutes)' \
 	  'make bench         speed beside other codes (make bench-deps; CASES=..., QUICK=1, ACCEPT=1)' \
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
@@ -246,6 +247,10 @@ scikit-fem: deps-run
 calculix: deps-run
 	@$(MAKE) --no-print-directory all
 	examples/17-calculix/run.sh build/$@
+
+gravity: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/18-gravity-penetration/run.sh build/$@
 
 crushing: deps-run deps-render
 	@$(MAKE) --no-print-directory all
