@@ -16,8 +16,9 @@ import numpy as np  # noqa: E402
 from talus.verification import field_steps, read_history  # noqa: E402
 
 SPEED, SKIP, BLOCK = 0.4, 0.04, 0.02  # [m/s], before the mean begins [m], for errors [m]
-RUNS = {"whole": "whole bed", "opened": "opened before the bar", "held": "held ends, 40 to 80 mm"}
-FILES = {"whole": "whole", "opened": "grains", "held": "held"}
+RUNS = {"whole": "whole bed", "opened": "opened before the bar", "closed": "and closed behind it",
+        "held": "held ends, 40 to 80 mm"}  # fmt: skip
+FILES = {"whole": "whole", "opened": "grains", "closed": "grains_closed", "held": "held"}
 
 
 def force_of(name: str, way: float) -> dict:
@@ -54,20 +55,20 @@ def main(way: float) -> None:
         smooth = np.convolve(found[name]["force"], np.ones(60) / 60, "same")
         ax.plot(1e3 * found[name]["place"], smooth, lw=0.8, label=label)
     ax.set(xlabel="way of the bar [mm]", ylabel="force against it [N]", ylim=(0.0, None))
-    ax.legend(fontsize=8, ncols=3)
+    ax.legend(fontsize=8, ncols=4)
     fig.savefig("force.png", dpi=120)
     draw_beds()
 
 
 def draw_beds() -> None:
     """Draw the grains of the whole bed and those awake, at the end."""
-    fig, axes = plt.subplots(nrows=2, figsize=(11, 4), sharex=True, layout="constrained")
-    for ax, name in zip(axes, ("whole", "opened"), strict=True):
+    fig, axes = plt.subplots(nrows=3, figsize=(11, 5.5), sharex=True, layout="constrained")
+    for ax, name in zip(axes, ("whole", "opened", "closed"), strict=True):
         g = field_steps(Path(f"{FILES[name]}.h5"))[-1].grains
         speed = np.where(g["kind"] != 0, -0.05, np.linalg.norm(g["v"], axis=1))
         ax.scatter(1e3 * g["x"][:, 0], 1e3 * g["x"][:, 2], s=1.5, c=speed, vmin=-0.05, vmax=0.4)
         ax.set(ylabel="z [mm]", aspect="equal", title=f"{RUNS[name]}: {len(g['id'])} grains")
-    axes[1].set(xlabel="x [mm]")
+    axes[-1].set(xlabel="x [mm]")
     fig.savefig("bed.png", dpi=120)
 
 

@@ -15,6 +15,8 @@ from talus.packing import FIXED, Packing, read_packing, write_h5
 RADIUS, COUNT, LENGTH, WIDTH = 2.0e-3, 400, 0.04, 0.0133  # of grains, of a tile [m]
 BAR, DEPTH, SPEED, PLACE = 5.0e-3, 0.022, 0.4, 0.15  # [m], below the surface, [m/s], [m]
 AHEAD, HELD = 0.08, 8.0e-3  # opened ahead of the bar, depth of held ends [m]
+LEAVE, DAMPING = "keep_behind = 0.045, hold_behind = 8.0e-3", 200.0  # damping [1/s]
+CLOSE = "close_behind = 0.12, quiet_strain = 1.0e-3"
 HEAD = "&run title = 'Bar in a bed', t_end = {:.9g}, gravity = 0.0, 0.0, -9.81 /\n"
 SOFT = "&dynamics dt_factor = 0.3, damping = 2.0 /\n"
 REST = """&relaxation damping = 'adaptive', dt_factor = 0.2 /
@@ -55,7 +57,7 @@ def laid(tile: Packing, tiles: int, place: float, height: float) -> Packing:
 
 
 def prepare_bed(way: float) -> None:
-    """Write the three beds and their decks."""
+    """Write the beds and their decks."""
     tile = read_packing(Path("tile.h5"))
     top = float(np.quantile(tile.x[:, 2], 0.97)) + RADIUS
     height, tiles = top - DEPTH, int(np.ceil((PLACE + way + 0.15) / LENGTH))
@@ -80,8 +82,16 @@ def prepare_bed(way: float) -> None:
     write("grains", "&run title = 'Grains before a bar', gravity = 0.0, 0.0, -9.81 /\n",
           text("laws", packing="awake.h5"), text("bar", **bar), "&dynamics dt = 1.25e-5 /\n",
           f"&tile file = 'tile.h5', copies = {tiles}, 1, 1 /\n")  # fmt: skip
+    grains = Path("grains.nml").read_text()
+    coupled = text("coupled", t_end=end, place=PLACE, height=height)
     write("solid", text("solid"))
-    write("coupled", text("coupled", t_end=end, place=PLACE, height=height))
+    write("coupled", coupled)
+    write("grains_closed", grains)
+    write("solid_closed", text("solid").replace("'explicit'", f"'explicit', rayleigh_mass = {DAMPING}"))
+    for old, new in (("grains.nml", "grains_closed.nml"), ("solid.nml", "solid_closed.nml"),
+                     (LEAVE, CLOSE)):  # fmt: skip
+        coupled = coupled.replace(old, new)
+    write("closed", coupled)
 
 
 if __name__ == "__main__":

@@ -22,6 +22,7 @@ stage settle "$TALUS_BIN/talus-dem" settle.nml --threads=1
 stage rest "$TALUS_BIN/talus-dem" rest.nml --threads=1
 stage bed "$python" "$here/prepare.py" bed "$way"
 stage opened "$TALUS_BIN/talus-couple" coupled.nml
+stage closed "$TALUS_BIN/talus-couple" closed.nml
 stage held "$TALUS_BIN/talus-dem" held.nml --threads=1
 stage whole "$TALUS_BIN/talus-dem" whole.nml --threads=1
 "$python" "$here/judge.py" "$way"
