@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.mesh import box, write_mesh
-from talus.packing import make_packing, write_h5
+from talus.packing import make_packing, read_packing, write_h5
 
 D = 1.0e-3  # diameter [m]
 WIDE = 2.02e-3  # of the column: spheres touch above one another, not side by side [m]
@@ -65,3 +65,17 @@ def write(folder: Path, more: str = "", high: int = 16) -> None:
     (folder / "coupled.nml").write_text(COUPLED.replace("MORE", more))
     (folder / "grains.nml").write_text(GRAINS.replace("COPIES", str(high)))
     (folder / "solid.nml").write_text(SOLID)
+
+
+def fly(folder: Path) -> float:
+    """Let a written column fly at 1 m/s, a solid of the grains' mass too; return a grain's mass."""
+    packing = read_packing(folder / "packing.h5")
+    packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
+    write_h5(folder / "packing.h5", packing)
+    mass = 2650.0 * np.pi / 6.0 * (2.0 * packing.axes[:, 0]).mean() ** 3
+    text = (folder / "solid.nml").read_text()
+    text = text.replace("1388.0", repr(float(8 * mass / (WIDE**2 * 2.0 * D))))
+    lines = [line for line in text.splitlines() if not line.startswith("&support")]
+    text = "\n".join(lines) + "\n&initial group = 'all', component = 'z', value = 1.0 /\n"
+    (folder / "solid.nml").write_text(text)
+    return float(mass)

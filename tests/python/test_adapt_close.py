@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from opened_column import OVERLAP, WIDE, D, spheres, write
+from opened_column import WIDE, D, fly, spheres, write
 from test_adapt import run, use_contacts
 
 from talus.mesh import box, write_mesh
@@ -65,15 +65,7 @@ def test_a_bed_that_flies_keeps_its_momentum(contacts: str, tmp_path: Path) -> N
     """Elements that close have the grains' momentum and kinetic energy where densities agree."""
     write_long(tmp_path)
     use_contacts(tmp_path, contacts)
-    packing = read_packing(tmp_path / "packing.h5")
-    packing.v = np.tile([0.0, 0.0, 1.0], (len(packing.x), 1))
-    write_h5(tmp_path / "packing.h5", packing)
-    mass = 2650.0 * np.pi / 6.0 * D**3 * (1.0 + OVERLAP) ** 3
-    text = (tmp_path / "solid.nml").read_text()
-    text = text.replace("1388.0", repr(float(8 * mass / (WIDE**2 * 2.0 * D))))
-    lines = [line for line in text.splitlines() if not line.startswith("&support")]
-    text = "\n".join(lines) + "\n&initial group = 'all', component = 'z', value = 1.0 /\n"
-    (tmp_path / "solid.nml").write_text(text)
+    mass = fly(tmp_path)
     done = run(tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
     rows = read_history(tmp_path / "coupled_conversions.csv")

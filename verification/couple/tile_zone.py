@@ -16,7 +16,27 @@ DECKS = Path(__file__).parent / "opened_zone"  # of grains and solid
 
 
 def make_bed(case: Case) -> None:
-    """Make the tile (tile.h5) and find the forces of the whole bed (still.h5)."""
+    """Make the tile and find the forces of the whole bed (still.h5)."""
+    make_tile(case)
+    whole_bed(case)
+
+
+def judge(case: Case, found: dict) -> None:
+    """Nothing moves, energy and momentum are kept, contacts are those of the whole bed."""
+    case.below("largest way of a grain, of a diameter", found["moved"], 1e-4)
+    case.below("kinetic energy, of the elastic", found["kinetic"], 1e-6)
+    case.below("change of energy in an exchange, less what a conversion brought, relative",
+               found["closure"], 1e-9)  # fmt: skip
+    case.below("momentum brought, of all grains at the speed of the elastic energy",
+               found["momentum"], 1e-6)  # fmt: skip
+    case.below("forces against those of the tile, of the largest", found["forces"], 1e-6)
+    case.metric("contacts of free grains that the tile has, or has not", found["others"], 0.0, 0.0)
+    case.metric("stress of the opened zone / of the same grains in the tile", found["stress"], 1.0,
+                1e-6)  # fmt: skip
+
+
+def make_tile(case: Case) -> None:
+    """Make the tile (tile.h5)."""
     here = os.getcwd()
     os.chdir(case.folder)
     words = "--count 280 --axes 1e-3 1e-3 1e-3 --spread 0.1 --young 2.9e8 --making-friction 0.2"
@@ -24,7 +44,6 @@ def make_bed(case: Case) -> None:
                  "--least-edges", "6", "-o", "tile.h5"])  # fmt: skip
     os.chdir(here)
     case.metric("the tile is made", float(made), 0.0, 0.0)
-    whole_bed(case)
 
 
 def zone_opened(case: Case, name: str, friction: bool = True) -> dict:

@@ -2,7 +2,7 @@
 
 import h5py
 import numpy as np
-from tile_zone import CENTRE, DIAMETER, make_bed, zone_opened
+from tile_zone import CENTRE, DIAMETER, judge, make_bed, zone_opened
 
 from talus.mesh import read_mesh
 from talus.verification import Case, field_steps
@@ -19,15 +19,7 @@ def run(case: Case) -> None:
                 float((parts["opened"] & (parts["last"] != 0)).sum()), 0.0, 0.0)  # fmt: skip
     case.above("grains that fell asleep", float(rows["left"].sum()), 2000.0)
     case.below("grains awake, most / at the start", rows["awake"].max() / rows["awake"][0], 1.5)
-    case.below("largest way of a grain, of a diameter", found["moved"], 1e-4)
-    case.below("kinetic energy, of the elastic", found["kinetic"], 1e-6)
-    case.below("change of energy in an exchange, less what a conversion brought, relative",
-               found["closure"], 1e-9)  # fmt: skip
-    case.below("momentum brought, of all grains at the speed of the elastic energy",
-               found["momentum"], 1e-6)  # fmt: skip
-    case.below("forces against those of the tile, of the largest", found["forces"], 1e-6)
-    case.metric("contacts of free grains that the tile has, or has not", found["others"], 0.0, 0.0)
-    case.metric("stress of the zone / of the same grains in the tile", found["stress"], 1.0, 1e-6)
+    judge(case, found)
     way = [np.linalg.norm(step.solid["u"], axis=1).max()
            for step in field_steps(case.folder / "closed/solid.h5")]  # fmt: skip
     case.below("largest displacement of a node, of a diameter", max(way) / DIAMETER, 1e-4)

@@ -1,29 +1,19 @@
 """Open a zone of a bed that was strained before, with and without the replay of its history."""
 
-import os
-
 import numpy as np
+from tile_zone import CENTRE, COPIES, EDGE, make_tile
 
-from talus.cli import main
 from talus.mesh import box, write_mesh
 from talus.packing import Packing, read_packing, write_h5
 from talus.verification import Case, field_steps, read_history
 
-COPIES, EDGE, STRESS = (5, 3, 3), 0.012, 20.0e3  # [-], [m], [Pa]
-CENTRE = np.array([0.0146, 0.018, 0.018])
 RAMP = 8.0e-3  # [s]
 AXES = "xyz"
 
 
 def run(case: Case) -> None:
     """Make the tile; strain the bed, open the zone, strain the tile alike; compare."""
-    here = os.getcwd()
-    os.chdir(case.folder)
-    words = "--count 280 --axes 1e-3 1e-3 1e-3 --spread 0.1 --young 2.9e8 --making-friction 0.2"
-    made = main(["pack", "tile", *words.split(), "--stress", str(STRESS), "--edge", str(EDGE),
-                 "--least-edges", "6", "-o", "tile.h5"])  # fmt: skip
-    os.chdir(here)
-    case.metric("the tile is made", float(made), 0.0, 0.0)
+    make_tile(case)
     found = {}
     for strain in (1e-3, 1e-2):
         chord = moduli(case, strain)

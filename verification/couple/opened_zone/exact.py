@@ -1,7 +1,7 @@
 """Open a zone of a bed at rest, with and without the friction of the tile's contacts."""
 
 import numpy as np
-from tile_zone import CENTRE, make_bed, zone_opened
+from tile_zone import CENTRE, judge, make_bed, zone_opened
 
 from talus.verification import Case
 
@@ -13,16 +13,7 @@ def run(case: Case) -> None:
     bare = zone_opened(case, "bare", False)
     case.above("conversions", float(found["conversions"]), 5.0)
     case.above("grains that woke", float(found["woken"]), 1500.0)
-    case.below("largest way of a grain, of a diameter", found["moved"], 1e-4)
-    case.below("kinetic energy, of the elastic", found["kinetic"], 1e-6)
-    case.below("change of energy in an exchange, less what a conversion brought, relative",
-               found["closure"], 1e-9)  # fmt: skip
-    case.below("momentum brought, of all grains at the speed of the elastic energy",
-               found["momentum"], 1e-6)  # fmt: skip
-    case.below("forces against those of the tile, of the largest", found["forces"], 1e-6)
-    case.metric("contacts of free grains that the tile has, or has not", found["others"], 0.0, 0.0)
-    case.metric("stress of the opened zone / of the same grains in the tile", found["stress"], 1.0,
-                1e-6)  # fmt: skip
+    judge(case, found)
     case.above("without the tile's friction: way, of a diameter", bare["moved"], 1e-4)
     case.above("without it: kinetic energy, of the elastic", bare["kinetic"], 1e-6)
     draw(case, found, bare)
