@@ -48,13 +48,19 @@ def run(tmp_path: Path) -> Path:
     return tmp_path
 
 
+def hear_interrupts() -> None:
+    """Ctrl-C counts, also where the tests run in the background of a shell that ignores it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+
+
 @pytest.fixture
 def served(run: Path) -> Iterator[tuple[int, subprocess.Popen]]:
     """Start the command on a port of its own; return port and process."""
     words = [sys.executable, "-m", "talus", "watch", str(run)]
     process = subprocess.Popen(
-        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT
-    )
+        words, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env=ENVIRONMENT,
+        preexec_fn=hear_interrupts,
+    )  # fmt: skip
     line = process.stdout.readline()
     assert line.startswith("http://127.0.0.1:")
     yield int(line.split(":")[2].split("/")[0]), process
