@@ -75,7 +75,7 @@ contains
     if (.not. errors%any()) call self%send(solid, self%fresh, timers, errors)
   end subroutine place
 
-  !> SET places of some nodes of the solid.
+  !> SET places of some nodes of the solid, if there are any.
   subroutine send(self, solid, chosen, timers, errors)
     class(rebirth_type), intent(in) :: self
     type(cpl_solver_type), intent(inout) :: solid
@@ -84,6 +84,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: node(:)
     integer(i4) :: a
+    if (.not. any(chosen)) return
     node = pack([(a, a=1, size(chosen))], chosen)
     call solid%start_request(verb_set, 0_i8, solid%time, solid%time)
     call solid%request%put_text(field_what, what_places)

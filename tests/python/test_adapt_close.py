@@ -89,6 +89,30 @@ def test_a_bed_that_moves_stays_open(tmp_path: Path) -> None:
     assert rows["past_strain"].max() > 1e-9
 
 
+def test_nodes_left_to_the_continuum_go_on_as_they_were(tmp_path: Path) -> None:
+    """A wave runs through: no acceleration of nodes that grains have left jumps at a closing."""
+    write_long(tmp_path)
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = np.zeros_like(packing.x)
+    packing.v[:, 2] = 0.1 * np.sin(2.0 * np.pi * packing.x[:, 2] / (8.0 * D))
+    write_h5(tmp_path / "packing.h5", packing)
+    deck = tmp_path / "solid.nml"
+    deck.write_text(deck.read_text() + "&output every_time = 1.0e-6 /\n")
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    steps = list(field_steps(tmp_path / "solid.h5"))
+    time = np.array([step.time for step in steps])
+    kick = np.diff([step.solid["v"][:, 2] for step in steps], axis=0)
+    closings = rows["time"][rows["left"] > 0]
+    assert len(closings) >= 8
+    for layer, when in enumerate(closings[:8]):  # each leaves one layer of four nodes
+        at = np.abs(time - when).argmin()
+        nodes = slice(4 * layer, 4 * layer + 4)
+        jump = np.abs(kick[at, nodes] - kick[at - 1, nodes]).max()
+        assert jump < kick[at - 1].std(), (layer, when)
+
+
 def test_an_element_is_not_born_of_a_hollow(tmp_path: Path) -> None:
     """N464: grains fill so little of an element that its nodes would lie almost in a plane."""
     write_long(tmp_path)
