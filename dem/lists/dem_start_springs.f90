@@ -45,6 +45,7 @@ contains
       block = 1 + slot/lanes
       if (.not. d%laws(d%pairs%law_first(block), d%pairs%law_second(block))%base%starts) cycle
       d%pairs%history(lane, 1:3, block) = side*springs%force(:, k)
+      d%pairs%touched(block) = .true.
     end do
   end subroutine hang_springs
 

@@ -268,3 +268,17 @@ def test_bad_shifts(shift: list, text: str) -> None:
     pack.cell = None
     with pytest.raises(FaultError, match="no cell"):
         check_packing(pack, "pack.h5")
+
+
+def test_a_pair_that_does_not_touch_yet_begins_without_a_force(tmp_path: Path) -> None:
+    """Its tangential force of the packing is dropped: when it touches later the ledger closes."""
+    pair = make_packing(np.array([[0.0, 0.0, 0.0], [2.0001e-3, 0.0, 0.0]]), np.full((2, 3), 1e-3))
+    pair.v = np.array([[0.0, 0.0, 0.0], [-0.05, 0.0, 0.0]])
+    pair.pairs, pair.tangential = np.array([[1, 2]]), np.array([[0.0, 1e-4, 0.0]])
+    write_h5(tmp_path / "apart.h5", pair)
+    cell = "size = 0.02, 0.02, 0.02, origin = -5.0e-3, -5.0e-3, -5.0e-3"
+    run(tmp_path, "meet", "apart", t_end=1e-4, cell=cell)
+    rows = read_history(tmp_path / "meet_energy.csv")
+    assert rows["contacts"].max() == 1 or rows["contact_damping"][-1] > 0.0
+    assert rows["relative_closure"].max() < 1e-3
+    assert abs(rows["tangential_relaxation"][-1]) < 1e-12
