@@ -108,13 +108,15 @@ contains
     class(coupled_type), intent(in) :: self
     type(overlap_type), intent(in) :: o
     type(motion_type), intent(out) :: y
+    real(wp) :: largest
     integer(i4) :: n, k, c
     n = size(self%light)
+    largest = max(maxval(o%pack%radius), tiny(1.0_wp))
     allocate (y%q(3, n), y%theta(3, n), y%u(3, o%op%nodes), y%phi(3, o%op%nodes_phi))
     do k = 1, n
       do c = 1, 3
         y%q(c, k) = sin(1.7_wp*k + 2.3_wp*c)
-        y%theta(c, k) = cos(2.9_wp*k + 1.1_wp*c)/max(maxval(o%pack%radius), tiny(1.0_wp))
+        y%theta(c, k) = cos(2.9_wp*k + 1.1_wp*c)/largest
       end do
     end do
     y%u = 0.0_wp

@@ -96,23 +96,26 @@ contains
     real(wp), intent(in) :: radius        !! [m]
     real(wp), allocatable, intent(out) :: share(:)  !! (points) [-]
     integer(i4), parameter :: pieces = 4
-    real(wp) :: part, sums(2), at(3), d(3), t, l(3)
+    real(wp) :: part, sums(2), at(3), d(3), t, branch(3, size(middle, 2)), reach(size(middle, 2))
     integer(i4) :: q, c, k
 
+    do c = 1, size(reach)
+      branch(:, c) = self%branch(c)
+      reach(c) = (radius + norm2(branch(:, c)))**2
+    end do
     allocate (share(size(x, 2)), source=0.0_wp)
     do q = 1, size(x, 2)
       if (self%region(self%element(q)) /= region_ghost) cycle
       sums = 0.0_wp
       do c = 1, size(middle, 2)
         d = shortest(middle(:, c) - x(:, q), period)
-        l = self%branch(c)
-        if (norm2(d) > radius + norm2(l)) cycle
+        if (d(1)*d(1) + d(2)*d(2) + d(3)*d(3) > reach(c)) cycle
         do k = 1, pieces
-          at = d + (real(2*k - 1, wp)/(2*pieces) - 0.5_wp)*l
+          at = d + (real(2*k - 1, wp)/(2*pieces) - 0.5_wp)*branch(:, c)
           t = norm2(at)/radius
           if (t >= 1.0_wp) cycle
-          part = (1.0_wp + 3.0_wp*t)*(1.0_wp - t)**3*sum(l**2)*(self%stiffness(1, c) &
-                                                             + 2.0_wp*self%stiffness(2, c))
+          part = (1.0_wp + 3.0_wp*t)*(1.0_wp - t)**3*sum(branch(:, c)**2) &
+                 *(self%stiffness(1, c) + 2.0_wp*self%stiffness(2, c))
           sums(2) = sums(2) + part
           if (any(self%kind(self%pair(:, c)) == grain_free)) sums(1) = sums(1) + part
         end do
