@@ -95,34 +95,81 @@ contains
     real(wp), intent(in) :: period(3)     !! of the arrangement, 0: none [m]
     real(wp), intent(in) :: radius        !! [m]
     real(wp), allocatable, intent(out) :: share(:)  !! (points) [-]
-    integer(i4), parameter :: pieces = 4
-    real(wp) :: part, sums(2), at(3), d(3), t, branch(3, size(middle, 2)), reach(size(middle, 2))
-    integer(i4) :: q, c, k
+    real(wp) :: branch(3, size(middle, 2)), reach(size(middle, 2)), wide, low
+    integer(i4) :: order(size(middle, 2)), q, c, axis, bin
+    integer(i4), allocatable :: start(:)
 
     do c = 1, size(reach)
       branch(:, c) = self%branch(c)
-      reach(c) = (radius + norm2(branch(:, c)))**2
+      reach(c) = radius + norm2(branch(:, c))
     end do
     allocate (share(size(x, 2)), source=0.0_wp)
+    if (size(reach) == 0) return
+    axis = maxloc(merge(0.0_wp, maxval(middle, 2) - minval(middle, 2), period > 0.0_wp), 1)
+    low = minval(middle(axis, :))
+    wide = maxval(reach)
+    if (period(axis) > 0.0_wp) wide = huge(wide)
+    call sort_by_slice(1 + int((middle(axis, :) - low)/wide, i4), order, start)
     do q = 1, size(x, 2)
       if (self%region(self%element(q)) /= region_ghost) cycle
+      bin = 1 + floor(max(min((x(axis, q) - low)/wide, real(size(start), wp)), -2.0_wp), i4)
+      associate (near => order(start(max(1, min(bin - 1, size(start)))): &
+                               start(max(1, min(bin + 2, size(start)))) - 1))
+        share(q) = share_at(x(:, q), near)
+      end associate
+    end do
+
+  contains
+
+    !> The share at one point, of contacts that may be near.
+    pure real(wp) function share_at(at_point, near) result(found)
+      real(wp), intent(in) :: at_point(3)
+      integer(i4), intent(in) :: near(:)
+      integer(i4), parameter :: pieces = 4
+      real(wp) :: part, sums(2), at(3), d(3), t
+      integer(i4) :: i, n, k
+
       sums = 0.0_wp
-      do c = 1, size(middle, 2)
-        d = shortest(middle(:, c) - x(:, q), period)
-        if (d(1)*d(1) + d(2)*d(2) + d(3)*d(3) > reach(c)) cycle
+      do i = 1, size(near)
+        n = near(i)
+        d = shortest(middle(:, n) - at_point, period)
+        if (d(1)*d(1) + d(2)*d(2) + d(3)*d(3) > reach(n)*reach(n)) cycle
         do k = 1, pieces
-          at = d + (real(2*k - 1, wp)/(2*pieces) - 0.5_wp)*branch(:, c)
+          at = d + (real(2*k - 1, wp)/(2*pieces) - 0.5_wp)*branch(:, n)
           t = norm2(at)/radius
           if (t >= 1.0_wp) cycle
-          part = (1.0_wp + 3.0_wp*t)*(1.0_wp - t)**3*sum(branch(:, c)**2) &
-                 *(self%stiffness(1, c) + 2.0_wp*self%stiffness(2, c))
+          part = (1.0_wp + 3.0_wp*t)*(1.0_wp - t)**3*sum(branch(:, n)**2) &
+                 *(self%stiffness(1, n) + 2.0_wp*self%stiffness(2, n))
           sums(2) = sums(2) + part
-          if (any(self%kind(self%pair(:, c)) == grain_free)) sums(1) = sums(1) + part
+          if (any(self%kind(self%pair(:, n)) == grain_free)) sums(1) = sums(1) + part
         end do
       end do
-      if (sums(2) > 0.0_wp) share(q) = sums(1)/sums(2)
-    end do
+      found = 0.0_wp
+      if (sums(2) > 0.0_wp) found = sums(1)/sums(2)
+    end function share_at
   end subroutine kernel_shares
+
+  !> Numbers in the order of their slices, and where each slice begins (one past the last, too).
+  pure subroutine sort_by_slice(slice, order, start)
+    integer(i4), intent(in) :: slice(:)  !! from 1
+    integer(i4), intent(out) :: order(:)
+    integer(i4), allocatable, intent(out) :: start(:)
+    integer(i4), allocatable :: fill(:)
+    integer(i4) :: c
+    allocate (start(maxval(slice) + 1), source=0_i4)
+    do c = 1, size(slice)
+      start(slice(c) + 1) = start(slice(c) + 1) + 1
+    end do
+    start(1) = 1
+    do c = 2, size(start)
+      start(c) = start(c) + start(c - 1)
+    end do
+    fill = start
+    do c = 1, size(slice)
+      order(fill(slice(c))) = c
+      fill(slice(c)) = fill(slice(c)) + 1
+    end do
+  end subroutine sort_by_slice
 
   !> Shortest of the periodic images of a vector.
   pure function shortest(d, period) result(e)
