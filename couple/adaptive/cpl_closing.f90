@@ -216,6 +216,7 @@ contains
     type(h5_file_type), intent(inout) :: file
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: shut(elements)
+    self%shut = spread(.false., 1, elements)
     if (.not. self%active) return
     shut = 0
     call file%get_into('/adapt/shut', shut, errors)

@@ -4,7 +4,7 @@
 !! A knot is set where F has changed by more than `step` or turned since the last one; at most
 !! `most` of them, then every second goes. Elements whose stretches agree at all knots share a
 !! history; those that have hardly been strained have none: their grains wake as the tile is.
-!! eq. C.22
+!! eqs. C.22, C.25
 module cpl_histories
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -49,6 +49,7 @@ module cpl_histories
     procedure :: close => close_histories
     procedure :: ask
     procedure :: is_strained
+    procedure :: strain
     procedure :: put => put_histories
     procedure :: get => get_histories
     procedure, private :: gradient
@@ -62,15 +63,15 @@ contains
     type(cells_type), intent(in) :: cells  !! not displaced
     integer(i4) :: rank(cells%elements), e, n
     n = merge(cells%elements, 0_i4, self%active)
-    allocate (self%element(n), self%middle(n))
+    allocate (self%element(n), self%middle(cells%elements))
     rank = 0
-    do e = 1, n
+    do e = 1, cells%elements
       rank(e) = 1
       associate (node => cells%nodes_of(e))
         call cells%find(sum(cells%x(:, node), 2)/size(node), rank, self%middle(e))
       end associate
       rank(e) = 0
-      allocate (self%element(e)%knot(3, 3, 0))
+      if (self%active) allocate (self%element(e)%knot(3, 3, 0))
     end do
   end subroutine begin
 
@@ -91,6 +92,17 @@ contains
       end do
     end associate
   end function gradient
+
+  !> Largest component of the strain U - 1 in the middle of an element.
+  pure real(wp) function strain(self, cells, u, e)
+    class(histories_type), intent(in) :: self
+    type(cells_type), intent(in) :: cells
+    real(wp), intent(in) :: u(:, :)      !! of all nodes since the start (3, nodes) [m]
+    integer(i4), intent(in) :: e
+    real(wp) :: f(3, 3)
+    f = unit + self%gradient(cells, u, e)
+    strain = maxval(abs(stretches(reshape(f, [3, 3, 1])) - reshape(unit, [3, 3, 1])))
+  end function strain
 
   !> Knots where the deformation asks for them.
   subroutine note(self, cells, u, closed)

@@ -1,8 +1,8 @@
 !> Which elements of the background mesh are whose as a body travels through the bed
 !! (theory-overlap, Conversion). Faults D460 to D462, N460.
 !!
-!! A plan depends on the time alone, so that a restart finds the same. Elements near the way of the
-!! body are opened: grains there are free. The outer layers of the opened elements keep nodes,
+!! Elements near the way of the body are opened, and those of ghosts that are strained much: grains
+!! there are free. The outer layers of the opened elements keep nodes,
 !! which follow the free grains; in those inside there is no continuum. Layers around them hold
 !! ghosts. What was opened once stays open, until far behind the body it holds nothing any more
 !! (eq. C.20) or closes (cpl_closing).
@@ -34,6 +34,7 @@ module cpl_roles
     real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
     real(wp) :: most_gap = 0.5_wp       !! of the stress of tile and element, over the pressure
     real(wp) :: close_behind = 0.0_wp   !! elements farther behind may close; 0: none does [m]
+    real(wp) :: open_strain = 0.0_wp    !! at which elements of ghosts are opened; 0: none is [-]
     logical :: replay = .false.         !! grains wake after the history of their element
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
@@ -83,6 +84,7 @@ contains
     call deck%get('adapt', 1, 'keep_behind', self%keep_behind)
     call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
     call deck%get('adapt', 1, 'close_behind', self%close_behind)
+    call deck%get('adapt', 1, 'open_strain', self%open_strain)
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
@@ -155,18 +157,20 @@ contains
 
   !> Parts of the elements from a time on, until the next plan but one. N460: an opened element at
   !! the end of the mesh where the body goes has no ghosts before it.
-  subroutine plan(self, cells, time, spell, part, closing)
+  subroutine plan(self, cells, time, spell, part, closing, strained)
     class(roles_type), intent(in) :: self
     type(cells_type), intent(in) :: cells
     real(wp), intent(in) :: time, spell    !! [s]; two intervals
     integer(i4), allocatable, intent(out) :: part(:)
-    logical, intent(in), optional :: closing(:)  !! (elements) are not open any more
+    logical, intent(in), optional :: closing(:)   !! (elements) are not open any more
+    logical, intent(in), optional :: strained(:)  !! (elements) are opened wherever they are
     logical, dimension(size(self%middle, 2)) :: open, inside, ghost
     integer(i4) :: e, k
 
     open = .false.
     if (allocated(self%part)) open = self%part == part_none .or. self%part == part_free
     if (present(closing)) open = open .and. .not. closing
+    if (present(strained)) open = open .or. strained
     do e = 1, size(open)
       if (.not. open(e)) open(e) = self%is_near(self%middle(:, e), time, spell)
     end do

@@ -4,7 +4,7 @@
 !! A conversion is made at an accepted exchange: the population of the grains is changed, then the
 !! sets, maps, weights, masses and limits are made by the set-up's own code, with the places now as
 !! the reference. Motion goes on; what jumps in the forces on nodes is held from then on. Elements
-!! behind the body may close again. Faults N463, D460.
+!! behind the body may close again. Faults N460, N463, D460.
 module cpl_adaptive_scale
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
@@ -36,11 +36,12 @@ module cpl_adaptive_scale
 
   real(wp), parameter :: far = 1.0e6_wp  !! [m] where no node is
 
-  character(len=17), parameter :: columns(21) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=17), parameter :: columns(22) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
-    'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]']
+    'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]', &
+    'front_strain [-]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
@@ -50,6 +51,7 @@ module cpl_adaptive_scale
     integer(i8) :: conversions = 0
     real(wp) :: energy = 0.0_wp        !! that conversions have brought [J]
     real(wp) :: gap = 0.0_wp           !! of the stress where grains woke, over the tile's mean [-]
+    real(wp) :: front = 0.0_wp         !! largest strain of an element of ghosts [-]
     type(history_type) :: history
   contains
     procedure :: check
@@ -176,7 +178,7 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: part(:)
-    logical :: closing(size(self%roles%part))
+    logical, dimension(size(self%roles%part)) :: closing, strained
     type(pack_type) :: pack_of
 
     call self%follow_exchange(run, t1, errors)
@@ -184,9 +186,10 @@ contains
     if (self%step >= run%choices%exchanges) return
     call find_closing(self, run, t1, pack_of, closing, errors)
     if (errors%any()) return
-    call self%roles%plan(self%o%cells, t1, spell(self, run), part, closing)
-    if (self%roles%replay) call note_strain(self, run, t1, errors)
-    if (all(part == self%roles%part) .or. errors%any()) return
+    call note_strain(self, run, t1, strained, errors)
+    if (errors%any()) return
+    call self%roles%plan(self%o%cells, t1, spell(self, run), part, closing, strained)
+    if (all(part == self%roles%part)) return
     call self%closing%note_parts(self%roles%part, part)
     call move_alloc(part, self%roles%part)
     call self%convert(run, t1, count(closing, kind=i4), pack_of, errors)
@@ -210,18 +213,50 @@ contains
     closing = closing .and. quiet
   end subroutine find_closing
 
-  !> What the elements have gone through.
-  subroutine note_strain(self, run, t1, errors)
+  !> What the elements have gone through, and which of ghosts are strained so much that they are
+  !! opened; those that have closed once are not.
+  subroutine note_strain(self, run, t1, strained, errors)
     class(adaptive_scale_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
-    real(wp), intent(in) :: t1  !! [s]
+    real(wp), intent(in) :: t1            !! [s]
+    logical, intent(out) :: strained(:)   !! (elements)
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
+    integer(i4) :: e
+
+    strained = .false.
+    if (.not. (self%roles%replay .or. self%roles%open_strain > 0.0_wp)) return
     run%solvers%time = t1
     call look_at_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
-    if (.not. errors%any()) call self%bed%histories%note(self%o%cells, carried%u, &
-      carried%part == part_rest .or. carried%part == part_ghost)
+    if (errors%any()) return
+    call self%bed%histories%note(self%o%cells, carried%u, &
+                                 carried%part == part_rest .or. carried%part == part_ghost)
+    if (.not. self%roles%open_strain > 0.0_wp) return
+    strained = carried%part == part_ghost .and. .not. self%closing%shut
+    do e = 1, size(strained)
+      if (strained(e)) strained(e) = self%bed%histories%strain(self%o%cells, carried%u, e) &
+                                     > self%roles%open_strain
+      if (.not. strained(e)) cycle
+      if (any(all(carried%held(:, self%o%cells%nodes_of(e)), 1))) then
+        call errors%add('N460', 'element '//str(e)//', which the deck of the solid holds, is '// &
+          'strained more than open_strain = '//short_number(self%roles%open_strain), &
+          'conversion at '//str(t1)//' s', 'a wider mesh, or a larger &adapt open_strain')
+        return
+      end if
+    end do
   end subroutine note_strain
+
+  !> Largest strain of an element of ghosts that has not closed before.
+  pure real(wp) function front_strain(self, carried) result(largest)
+    class(adaptive_scale_type), intent(in) :: self
+    type(carried_type), intent(in) :: carried
+    integer(i4) :: e
+    largest = 0.0_wp
+    do e = 1, size(carried%part)
+      if (carried%part(e) == part_ghost .and. .not. self%closing%shut(e)) &
+        largest = max(largest, self%bed%histories%strain(self%o%cells, carried%u, e))
+    end do
+  end function front_strain
 
   !> Elements are opened: who wakes, who is free, and the overlap made anew.
   subroutine convert(self, run, t1, closed, pack_of, errors)
@@ -239,6 +274,7 @@ contains
     call run%timers%start('conversions')
     call carry_from(self%o, run%solvers(side_solid), carried, run%timers, errors)
     self%bed%change = change_type(closed=closed)
+    if (.not. errors%any()) self%front = front_strain(self, carried)
     if (self%closing%active .and. .not. errors%any()) &
       call close_elements(self, run, pack_of, carried, errors)
     if (.not. errors%any()) call self%bed%convert(self%o, run%solvers(side_grains), self%roles, &
@@ -369,7 +405,7 @@ contains
         real(change%woken, wp), real(change%freed, wp), real(change%slept, wp), &
         real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
         self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers, &
-        real(change%closed, wp), self%closing%found], errors)
+        real(change%closed, wp), self%closing%found, self%front], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note

@@ -253,7 +253,7 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 18, &
+    call table%add_group('adapt', 19, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
@@ -366,6 +366,14 @@ contains
     call table%preset('0.01')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('open_strain', 'real', '', &
+      'Elements of ghosts that are strained more than this since the start are opened, ' &
+      //'too, wherever the body is; 0: none. Grains there move as they want to before the' &
+      //' continuum is wrong: a hundredth. Elements that have closed once are not opened ' &
+      //'again by it.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('most_grains', 'integer', '', 'Most grains that may be awake (N463).')
     call table%preset('200000')
     call table%bounds(min=1.0_wp)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from opened_column import D, fly, spheres, write
 
+from talus.packing import read_packing, write_h5
 from talus.programs import find_program
 from talus.verification import field_steps, read_history, start_grains_on_ranks
 
@@ -81,6 +82,51 @@ def test_it_has_the_same_bits(how: str, tmp_path: Path) -> None:
     done = run(tmp_path)
     assert done.returncode == 0, done.stdout
     assert (tmp_path / "coupled_audit.csv").read_bytes() == one
+
+
+def squeeze(folder: Path) -> None:
+    """Let the column be pressed together along its length, without supports."""
+    fly(folder)
+    packing = read_packing(folder / "packing.h5")
+    packing.v[:, 2] = -50.0 * (packing.x[:, 2] - 16.0 * D)
+    write_h5(folder / "packing.h5", packing)
+    deck = folder / "solid.nml"
+    deck.write_text("".join(line for line in deck.read_text().splitlines(keepends=True)
+                            if not line.startswith("&initial")))  # fmt: skip
+
+
+def test_elements_that_are_strained_are_opened(tmp_path: Path) -> None:
+    """Those of ghosts beyond open_strain, wherever the body is; the same bits after a restart."""
+    opened = {}
+    for name, more in (("plain", ""), ("strained", ", open_strain = 2.0e-3")):
+        folder = tmp_path / name
+        folder.mkdir()
+        write(folder, more)
+        squeeze(folder)
+        done = run(folder)
+        assert done.returncode == 0, done.stderr
+        rows = read_history(folder / "coupled_conversions.csv")
+        opened[name] = dict(zip(rows["time"], rows["opened"], strict=True))
+        front = dict(zip(rows["time"], rows["front_strain"], strict=True))
+    over = [time for time, strain in front.items() if strain > 2.0e-3]
+    assert over and opened["strained"][over[0]] > opened["plain"][over[0]]
+    before = [time for time in front if time < over[0]]
+    assert all(opened["strained"][time] == opened["plain"][time] for time in before)
+    whole = (folder / "coupled_audit.csv").read_bytes()
+    done = run(folder, f"--restart={sorted(folder.glob('coupled.[0-9]*.manifest'))[0].name}")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "coupled_audit.csv").read_bytes() == whole
+
+
+def test_the_front_does_not_reach_the_end_of_the_bed(tmp_path: Path) -> None:
+    """N460: elements at a held face cannot be opened by their strain."""
+    write(tmp_path, ", open_strain = 2.0e-3")
+    squeeze(tmp_path)
+    deck = tmp_path / "solid.nml"
+    deck.write_text(deck.read_text() + "&support group = 'z0', fix = 'x', 'y', 'z' /\n")
+    done = run(tmp_path)
+    assert done.returncode == 2, done.stdout
+    assert "error N460: element 1, which the deck of the solid holds" in done.stderr
 
 
 def test_no_more_grains_wake_than_allowed(tmp_path: Path) -> None:
