@@ -1,5 +1,5 @@
-!> How far the law of the continuum is from the tile where grains wake: changes of stress since the
-!! start of the tile after a history and of the element that went through it (theory-overlap,
+!> How far the continuum is from the grains where these wake: changes of stress since the start of
+!! the tile after a history and of the element that went through it, and masses (theory-overlap,
 !! Conversion). Fault N462.
 module cpl_gap
   use talus_kinds, only: wp, i4, i8
@@ -10,10 +10,13 @@ module cpl_gap
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_bed, only: change_type
+  use cpl_cells, only: cells_type
+  use cpl_overlap, only: overlap_type
+  use cpl_sets, only: part_ghost
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: find_gap
+  public :: find_gap, mass_gap
 
   !> Components xx yy zz xy yz zx among nine.
   integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]
@@ -56,6 +59,19 @@ contains
       short_number(solid%time)//' s', 'a modulus or a law that fits the tile at this strain '// &
       '(element tests), or a larger &adapt most_gap')
   end subroutine find_gap
+
+  !> Mass of the ghosts over that of the continuum in their elements, less one [-]. eq. C.26
+  pure real(wp) function mass_gap(o, cells)
+    type(overlap_type), intent(in) :: o
+    type(cells_type), intent(in) :: cells  !! not displaced
+    real(wp) :: volume(cells%elements), solid
+    integer(i4) :: e
+    volume = [(cells%volume(e), e=1, cells%elements)]
+    solid = sum(cells%mass)*sum(volume, o%sets%part == part_ghost)/sum(volume)
+    mass_gap = 0.0_wp
+    if (solid > 0.0_wp) &
+      mass_gap = sum(o%pack%mass(o%sets%ghost), o%sets%ghost_spot%element > 0)/solid - 1.0_wp
+  end function mass_gap
 
   !> Of one element, as xx yy zz xy yz zx [Pa].
   pure function mean_stress(stress, weight, of_it) result(mean)

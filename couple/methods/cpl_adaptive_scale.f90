@@ -19,7 +19,7 @@ module cpl_adaptive_scale
   use cpl_cells, only: cells_type
   use cpl_choices, only: cpl_choices_type
   use cpl_closing, only: closing_type, fate_type
-  use cpl_gap, only: find_gap
+  use cpl_gap, only: find_gap, mass_gap
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
@@ -34,14 +34,15 @@ module cpl_adaptive_scale
   private
   public :: adaptive_scale_type
 
-  real(wp), parameter :: far = 1.0e6_wp  !! [m] where no node is
+  real(wp), parameter :: far = 1.0e6_wp       !! [m] where no node is
+  real(wp), parameter :: most_apart = 0.1_wp  !! of the masses of grains and continuum [-]
 
-  character(len=17), parameter :: columns(22) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=17), parameter :: columns(23) = [character(len=17) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
     'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]', &
-    'front_strain [-]']
+    'front_strain [-]', 'gap_mass [-]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
@@ -405,7 +406,8 @@ contains
         real(change%woken, wp), real(change%freed, wp), real(change%slept, wp), &
         real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
         self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers, &
-        real(change%closed, wp), self%closing%found, self%front], errors)
+        real(change%closed, wp), self%closing%found, self%front, &
+        mass_gap(self%o, self%bed%cells)], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note
@@ -458,7 +460,13 @@ contains
     class(adaptive_scale_type), intent(in) :: self
     type(log_type), intent(inout) :: log
     type(cpl_choices_type), intent(in) :: choices
+    real(wp) :: apart
     call self%bridging_scale_type%log_own(log, choices)
+    apart = mass_gap(self%o, self%bed%cells)
+    if (abs(apart) > most_apart) call log%warn('W432'//': ghosts have '// &
+      short_number(1.0_wp + apart)//' of the mass of the continuum in their elements: give the '// &
+      'solid the density of the bed, its solid fraction times that of the grains, and a mesh '// &
+      'that ends where the bed does')
     call log%item('elements are opened', 'within '//short_number(self%roles%within)// &
       ' m of the way of the body', 'every '//str(self%roles%every)//' exchanges; '// &
       str(size(self%bed%id))//' grains sleep')

@@ -129,6 +129,22 @@ def test_the_front_does_not_reach_the_end_of_the_bed(tmp_path: Path) -> None:
     assert "error N460: element 1, which the deck of the solid holds" in done.stderr
 
 
+@pytest.mark.parametrize("factor", [1.0, 1.2])
+def test_grains_and_continuum_weigh_the_same(factor: float, tmp_path: Path) -> None:
+    """W432 where they do not by a tenth; gap_mass at each conversion."""
+    write(tmp_path)
+    fly(tmp_path)
+    deck = tmp_path / "solid.nml"
+    words = deck.read_text().split("density = ")
+    density, rest = words[1].split(",", 1)
+    deck.write_text(f"{words[0]}density = {float(density) * factor!r},{rest}")
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert ("warning: W432: ghosts have 0.83" in done.stdout + done.stderr) == (factor > 1.0)
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    assert np.abs(rows["gap_mass"] - (1.0 / factor - 1.0)).max() < 1e-6
+
+
 def test_no_more_grains_wake_than_allowed(tmp_path: Path) -> None:
     """N463, after the last checkpoint."""
     write(tmp_path, ", most_grains = 70")
