@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from talus import cli, templates
+from talus.fields import GHOST, FieldFile
 from talus.packing import read_packing
 from talus.programs import find_program, program_of
 from talus.verification import read_history
@@ -65,6 +66,24 @@ def test_run(kind: str, tmp_path: Path) -> None:
         history = read_history(tmp_path / kind / "push_surfaces.csv")
         force = next(v for k, v in history.items() if k.startswith("force_z"))
         assert np.max(np.abs(force)) > 1e-3
+
+
+def test_wave(tmp_path: Path) -> None:
+    """The wall of the overlap moves all of the column at its speed; the stress is Z v."""
+    made("overlap", tmp_path)
+    assert solve(tmp_path, "coupled.nml")["exit_code"] == 0
+    speed, young, bulk, side = 5.0e-3, 1.0e7, 2500.0 * np.pi / 6, 3 * 9.998e-3
+    with FieldFile(tmp_path / "grains.h5") as grains, FieldFile(tmp_path / "solid.h5") as solid:
+        own, nodes = grains.read(-1).grains, solid.read(-1).solid
+        free, upper = own["kind"] != GHOST, solid.mesh[0][:, 2] > -0.15
+        # the overlap sends a ripple of 2 % back (example 03)
+        assert np.isclose(own["v"][free, 2].mean(), -speed, rtol=0.02)
+        assert np.isclose(nodes["v"][upper, 2].mean(), -speed, rtol=0.02)
+    force = read_history(tmp_path / "grains_walls.csv")["force_z"]
+    step = side**2 * np.sqrt(young * bulk) * speed
+    pressed = side**2 * 2.0e-4 * young
+    assert np.isclose(force[0], pressed, rtol=2e-3)
+    assert np.isclose(force[-1] - force[0], step, rtol=0.02)
 
 
 def test_geometry(tmp_path: Path) -> None:
