@@ -31,6 +31,8 @@ ORDER = [
     "learn-packing",
     "learn-triaxial",
     "learn-hopper",
+    "learn-facets",
+    "learn-overlap",
     "install",
     "running",
     "ranks",

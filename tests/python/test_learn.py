@@ -18,7 +18,10 @@ SMALL = {
     "packing": ["grains=140", "young=2e6"],
     "triaxial": ["grains=100", "strain=0.005", "compressed=0.08"],
     "hopper": ["grains=40", "open_for=0.07", "width=0.04"],
+    "facets": ["grains=20", "width=0.012", "elements=1", "duration=0.03"],
+    "overlap": ["above=12"],
 }
+TAUGHT = {"packing", "triaxial", "hopper", "facets", "overlap"}
 
 
 def commands(page: Path) -> list[str]:
@@ -72,5 +75,7 @@ def test_steps(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_pages() -> None:
-    """There are pages for the packing, the triaxial test and the hopper."""
-    assert {page.stem.removeprefix("learn-") for page in PAGES} == set(SMALL)
+    """No page is missing, and the index names each."""
+    assert {page.stem.removeprefix("learn-") for page in PAGES} == TAUGHT
+    index = (MANUAL / "index.md").read_text()
+    assert all(f"({page.name})" in index for page in PAGES)
