@@ -87,14 +87,19 @@ def number_pattern(name: str) -> re.Pattern:
     return re.compile(rf"(?<![\w])({name}\s*=\s*)([-+]?[\d.]+(?:[eEdD][-+]?\d+)?)", re.I)
 
 
-def read_material(deck: Path) -> str:
-    """Return the first &material of a deck, without comments."""
+def read_deck(deck: Path) -> str:
+    """Return the text of a deck."""
     try:
-        text = deck.read_text()
+        return deck.read_text()
     except OSError as fault:
         raise FaultError(
             "E560", f"cannot read the deck: {fault.strerror}", place=str(deck)
         ) from fault
+
+
+def read_material(deck: Path) -> str:
+    """Return the first &material of a deck, without comments."""
+    text = read_deck(deck)
     found = MATERIAL.search("\n".join(line.split("!")[0] for line in text.splitlines()))
     if not found:
         hint = "its constants are where the fit begins"
@@ -120,6 +125,25 @@ def with_constants(material: str, constants: dict[str, float]) -> str:
         else:
             material = f"{material.rstrip().rstrip(',')}, {name} = {value!r}"
     return material
+
+
+def fitted_deck(deck: Path, constants: dict[str, float]) -> str:
+    """Return the text of a deck with constants in its first &material, comments kept."""
+    lines = read_deck(deck).splitlines(keepends=True)
+    bare = "".join(line.split("!")[0].rstrip("\n") + "\n" for line in lines)
+    begin = MATERIAL.search(bare).start()
+    first = bare[:begin].count("\n")
+    last = bare[: MATERIAL.search(bare).end()].count("\n") + 1
+    left = dict(constants)
+    for k in range(first, last):
+        text, mark, comment = lines[k].partition("!")
+        for name in list(left):
+            pattern = number_pattern(re.escape(name))
+            if pattern.search(text):
+                text = pattern.sub(lambda m, v=left[name]: f"{m[1]}{v:.6g}", text, count=1)
+                del left[name]
+        lines[k] = text + mark + comment
+    return "".join(lines)
 
 
 def deck_of(material: str, test: Test) -> str:

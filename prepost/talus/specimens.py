@@ -1,4 +1,4 @@
-"""Element tests: stresses and strains of a specimen between six walls or in a cell, figures.
+"""Element tests: stresses and strains between six walls, in a cell or of a law, figures.
 
 Stress is positive in compression, strains are logarithmic (Hencky) and positive in compression.
 """
@@ -17,7 +17,7 @@ from talus.look import COLOURS, new_figure
 
 KILO, PER_CENT = 1.0e3, 100.0
 WINDOW = 0.01  # axial strain over which a peak is averaged
-ENDING, CELL_ENDING = "_walls", "_cell"
+ENDING, CELL_ENDING, POINT_ENDING = "_walls", "_cell", "_point"
 SQUARE = 1.0e-6  # of an edge, by which it may lean in a test along the axes
 TABLE = (
     "axial_strain [-],volumetric_strain [-],p [Pa],q [Pa],axial_stress [Pa],lateral_stress [Pa],"
@@ -125,9 +125,24 @@ def read_cell(path: Path, axis: str = "z") -> Specimen:
     return Specimen(name, rows["time"], length, stress, "xyz".index(axis), void_ratio)
 
 
+def read_point(path: Path, axis: str = "z") -> Specimen:
+    """Read *_point.csv of a law (talus-fem --point): edges are exp(strain), as of a cell."""
+    rows = histories.read(path)
+    strain, stress = (np.stack([rows[f"{what} {c}{c}"] for c in "xyz"], axis=1)
+                      for what in ("strain", "stress"))  # fmt: skip
+    if not len(strain):
+        raise FaultError("E545", f"{path} has no rows yet", "the run has written nothing")
+    name = path.stem.removesuffix(POINT_ENDING)
+    return Specimen(name, rows["time"], np.exp(strain), -stress, "xyz".index(axis), None)
+
+
+READERS = {ENDING: read_specimen, CELL_ENDING: read_cell, POINT_ENDING: read_point}
+
+
 def read_test(path: Path, axis: str = "z") -> Specimen:
-    """Read a test between walls or in a cell, by the ending of its history."""
-    return (read_cell if path.stem.endswith(CELL_ENDING) else read_specimen)(path, axis)
+    """Read a test between walls, in a cell or of a law, by the ending of its history."""
+    ending = f"_{path.stem.rpartition('_')[2]}"
+    return READERS.get(ending, read_specimen)(path, axis)
 
 
 def grain_volume(path: Path) -> float | None:

@@ -83,6 +83,26 @@ def test_recovers(tmp_path: Path, law: str) -> None:
     assert found["residual"] < 1e-5
 
 
+def test_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """--deck writes the deck with the constants and nothing else changed; never over its start."""
+    tests, deck = write_tests(tmp_path, "drucker_prager"), write_start(tmp_path, "drucker_prager")
+    words = ["fit", str(deck), *tests, "--free", "young", "friction_deg", "--deck"]
+    new = tmp_path / "new.nml"
+    assert main([*words, str(new)]) == 0
+    before, after = deck.read_text().splitlines(), new.read_text().splitlines()
+    assert before[0] == after[0] and len(before) == len(after)
+    material = fit.read_material(new)
+    for name, value in {"young": 1.0e8, "friction_deg": 35.0}.items():
+        # the constants that were not free are not those of the tests
+        assert fit.start_value(material, name, new) == pytest.approx(value, rel=0.15)
+    for name, value in LAWS["drucker_prager"][2].items():
+        if name not in ("young", "friction_deg"):
+            assert fit.start_value(material, name, new) == value
+    capsys.readouterr()
+    assert main([*words, str(deck)]) == 1
+    assert "error E636" in capsys.readouterr().err and deck.read_text().splitlines() == before
+
+
 def test_uncertainty(tmp_path: Path) -> None:
     """With noise of 1 % the constants are within four deviations, and these shrink with noise."""
     spreads = []

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_specimens import write_walls
 
-from talus import secant
+from talus import fit, secant
 from talus.cli import main
 from talus.faults import FaultError
 from talus.specimens import Specimen
@@ -47,6 +47,27 @@ def test_beside() -> None:
     a, r, h = 6.0e-3, 26.0e-3, 40.0e-3
     strain = secant.strain_beside(np.pi * a**2 * h, 2.0 * np.pi * r * h, r)
     assert strain == pytest.approx(0.5 * (a / r) ** 2)
+
+
+def test_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Secants of an elastic law in uniaxial stress (*_point.csv) are its constants."""
+    young, poisson, strain = 3.0e6, 0.25, np.linspace(0.0, 0.02, 11)
+    heads = [f"strain {c} [-]" for c in fit.COMPONENTS] + [
+        f"stress {c} [Pa]" for c in fit.COMPONENTS
+    ]
+    zero = np.zeros_like(strain)
+    side = poisson * strain
+    columns = [strain, side, side, -strain, zero, zero, zero]
+    columns += [zero - 1.0e4, zero - 1.0e4, -1.0e4 - young * strain, zero, zero, zero]
+    lines = [",".join(["time [s]", *heads])] + [
+        ",".join(f"{v:.17g}" for v in row) for row in zip(*columns, strict=True)
+    ]
+    (tmp_path / "law_point.csv").write_text("\n".join(lines) + "\n")
+    assert main(["measure", str(tmp_path / "law_point.csv"), "--json", "--secant", "0.01"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found[0]["young_Pa"] == pytest.approx(young)
+    assert found[0]["poisson"] == pytest.approx(poisson)
+    assert found[0]["of_strength"] == pytest.approx(0.5)
 
 
 def test_command(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -17,6 +17,8 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("tests", nargs="+", metavar="TEST.csv[:NAME=VALUE,...]", help=text)
     new.add_argument("--free", nargs="+", required=True, metavar="NAME", help="constants to fit")
     new.add_argument("--out", type=Path, help="write the fit as JSON")
+    new.add_argument("--deck", dest="fitted", metavar="NEW.nml", type=Path,
+                     help="write the deck with the fitted constants")  # fmt: skip
     new.set_defaults(run=run)
 
 
@@ -35,7 +37,10 @@ def split_test(text: str) -> fits.Test:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Fit, print constants with standard deviations, write them."""
+    """Fit, print constants with standard deviations, write them and a deck with them."""
+    if options.fitted and options.fitted.resolve() == options.deck.resolve():
+        text = f"--deck {options.fitted} is the deck where the fit begins"
+        raise FaultError("E636", text, "name another: the start is wanted again")
     material = fits.read_material(options.deck)
     start = {name: fits.start_value(material, name, options.deck) for name in options.free}
     tests = [split_test(text) for text in options.tests]
@@ -45,9 +50,12 @@ def run(options: argparse.Namespace) -> int:
         print(f"{name:24s} {start[name]:12.6g} {value:14.8g} {spread:12.4g}")
     print(f"residual {100 * found.residual:.4g} % of the largest stress, {found.points} stresses, "
           f"{found.steps} steps")  # fmt: skip
+    constants = dict(zip(found.names, map(float, found.values), strict=True))
+    if options.fitted:
+        write_text_file(options.fitted, fits.fitted_deck(options.deck, constants))
     if options.out:
         facts = {
-            "constants": dict(zip(found.names, map(float, found.values), strict=True)),
+            "constants": constants,
             "deviations": dict(zip(found.names, map(float, found.deviations), strict=True)),
             "correlation": found.correlation.tolist(),
             "residual": found.residual,

@@ -13,7 +13,7 @@ from talus.faults import FaultError
 from talus.fields import read_grains
 from talus.programs import find_program
 from talus.progress import watch
-from talus.specimens import read_specimen
+from talus.specimens import read_test
 
 LAYERS = 5  # of the solid fraction
 PER_CENT = 100.0
@@ -37,7 +37,7 @@ def register(commands: argparse._SubParsersAction) -> None:
                      help="where the cone meets Mohr and Coulomb's, as in talus-fem")  # fmt: skip
     new.add_argument("--secant", type=float, nargs="+", metavar="STRAIN",
                      help="secant modulus and Poisson's ratio to strains [-] of one *_walls.csv, "
-                     "and to half the strength")  # fmt: skip
+                     "*_cell.csv or *_point.csv, and to half the strength")  # fmt: skip
     new.add_argument("--beside", type=float, nargs=3, metavar=("VOLUME", "AREA", "RADIUS"),
                      help="the same to the strain that a displaced volume [m3] makes at a radius "
                      "[m] if it leaves through an area [m2]")  # fmt: skip
@@ -96,9 +96,9 @@ def measure_strength(options: argparse.Namespace) -> int:
 def measure_secant(options: argparse.Namespace) -> int:
     """Print secants of a test: to given strains, to that beside a body, to half the strength."""
     if options.deck or len(options.source) > 1:
-        raise FaultError("E557", "--secant and --beside read one test between six walls",
+        raise FaultError("E557", "--secant and --beside read one test",
                          "only --axis and --json go with them")  # fmt: skip
-    test = read_specimen(options.source[0], options.axis)
+    test = read_test(options.source[0], options.axis)
     strains = list(options.secant or [])
     if options.beside:
         strains.append(secant.strain_beside(*options.beside))

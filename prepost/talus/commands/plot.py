@@ -114,7 +114,7 @@ def labelled(texts: list[str], *endings: str) -> dict[str, Path]:
 
 def plot_specimens(options: argparse.Namespace) -> int:
     """Element tests, one or several in one figure."""
-    files = labelled(options.files, specimens.ENDING, specimens.CELL_ENDING)
+    files = labelled(options.files, *specimens.READERS)
     tests = {k: specimens.read_test(path, options.axial) for k, path in files.items()}
     if options.csv:
         specimens.write_table(options.csv, tests)
