@@ -33,6 +33,8 @@ ORDER = [
     "learn-hopper",
     "learn-facets",
     "learn-overlap",
+    "learn-surround",
+    "learn-cluster",
     "install",
     "running",
     "ranks",

@@ -172,6 +172,8 @@ def write(template: Template, values: dict[str, float], folder: Path) -> None:
     words = words_of(template, values)
     for path in sorted(template.folder.glob("*.nml")):
         write_text_file(folder / path.name, filled(path.read_text("utf-8"), words))
+    for path in sorted([*template.folder.glob("*.sh"), *template.folder.glob("*.env")]):
+        write_text_file(folder / path.name, path.read_text("utf-8"))  # their braces are the shell's
     prepare(template, words, folder)
     lines = [
         f'"$bin"{line}' if not line.startswith("talus ") else f'"${{TALUS:-talus}}"{line[5:]}'

@@ -2,7 +2,7 @@
 # Packing of shear.nml: a cell of 1000 ellipsoids at rest under 100 kPa, laid side by side.
 # Usage: make.sh OUT [NX NY NZ] (default 22 22 21: 10 164 000 grains, 1.4 GB)
 here=$(cd "$(dirname "$0")" && pwd)
-source "$here/../talus.env"
+source "$here/../../../prepost/talus/templates/cluster/talus.env"
 set -euo pipefail
 out=${1:?usage: make.sh OUT [NX NY NZ]}
 shift
