@@ -35,6 +35,7 @@ ORDER = [
     "learn-overlap",
     "learn-surround",
     "learn-cluster",
+    "learn-solver",
     "install",
     "running",
     "ranks",

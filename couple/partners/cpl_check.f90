@@ -18,7 +18,7 @@ contains
 
   !> Check the decks of both solvers as decks of a coupled run, and whether the solid's analysis
   !! fits it. Those launched by a command or by the user are checked with the program next to this
-  !! one.
+  !! one; the input of a solver of another make is left alone.
   subroutine check_solvers(solvers, choices, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
@@ -26,11 +26,24 @@ contains
     integer(i4) :: k
     do k = 1, 2
       if (.not. allocated(solvers(k)%deck)) cycle
-      if (len(solvers(k)%deck) > 0) call check_one(solvers(k), errors)
+      if (len(solvers(k)%deck) > 0 .and. .not. is_foreign(solvers(k))) &
+        call check_one(solvers(k), errors)
     end do
     if (.not. allocated(solvers(side_solid)%analysis)) return
     call check_analysis(solvers(side_solid), choices, errors)
   end subroutine check_solvers
+
+  !> Is its command not one of ours, and its input no deck?
+  pure function is_foreign(solver)
+    type(cpl_solver_type), intent(in) :: solver
+    logical :: is_foreign
+    integer :: last
+    is_foreign = .false.
+    if (solver%launch /= 'command') return
+    last = len_trim(solver%deck)
+    is_foreign = index(solver%command, solver%program) == 0 .and. &
+                 solver%deck(max(last - 3, 1):last) /= '.nml'
+  end function is_foreign
 
   subroutine check_one(solver, errors)
     type(cpl_solver_type), intent(inout) :: solver

@@ -26,6 +26,8 @@ from talus.study.faults import nearest
 FOLDER = Path(__file__).parent / "templates"
 WORD = re.compile(r"\{(\w+)\}")
 WHOLE = re.compile(r"(ceil|floor)\([^()]*\)")
+FILLED = (".nml", ".toml")
+COPIED = (".sh", ".env", ".py")  # their braces are their own
 DIGITS = 6  # of derived numbers in a deck
 RUN = """#!/bin/sh
 # {title}: from the packings that are here to the figures.
@@ -170,10 +172,12 @@ def write(template: Template, values: dict[str, float], folder: Path) -> None:
         raise FaultError("E632", f"{folder} is there and not empty", "name another with -o")
     make_folder(folder)
     words = words_of(template, values)
-    for path in sorted(template.folder.glob("*.nml")):
-        write_text_file(folder / path.name, filled(path.read_text("utf-8"), words))
-    for path in sorted([*template.folder.glob("*.sh"), *template.folder.glob("*.env")]):
-        write_text_file(folder / path.name, path.read_text("utf-8"))  # their braces are the shell's
+    for path in sorted(template.folder.iterdir()):
+        text = path.read_text("utf-8") if path.suffix in FILLED + COPIED else ""
+        if path.suffix in FILLED and path.name != "template.toml":
+            write_text_file(folder / path.name, filled(text, words))
+        elif path.suffix in COPIED:
+            write_text_file(folder / path.name, text)
     prepare(template, words, folder)
     lines = [
         f'"$bin"{line}' if not line.startswith("talus ") else f'"${{TALUS:-talus}}"{line[5:]}'

@@ -24,6 +24,7 @@ SMALL = {
     "facets": ["grains=20", "width=0.012", "elements=1", "duration=0.03"],
     "overlap": ["above=12"],
     "surround": ["grains=100", "strain=0.02", "rate=2.0", "compressed=0.08"],
+    "solver": ["grains=20", "width=0.012", "elements=1", "duration=0.03"],
     "cluster": ["grains=80", "limit=0.12"],
 }
 EXIT = re.compile(r"# exit code (\d)$")
@@ -32,7 +33,8 @@ EXIT = re.compile(r"# exit code (\d)$")
 def commands(page: Path) -> list[str]:
     """Return the commands of the steps of a page."""
     steps = page.read_text().split("## Steps")[1].split("## What you see")[0]
-    blocks = re.findall(r"^```\n(.*?)^```", steps, flags=re.M | re.S)
+    steps = re.sub(r"^```python.*?^```$", "", steps, flags=re.M | re.S)
+    blocks = re.findall(r"^```\n(.*?)^```$", steps, flags=re.M | re.S)
     lines = [line for block in blocks for line in block.splitlines()]
     return [line for line in lines if line and not line.startswith("#")]
 
@@ -41,11 +43,7 @@ def solve(line: str) -> None:
     """Run a command of programs or of the shell; it ends with 0, or as the page says."""
     if line.startswith("mpirun -n"):  # on any machine, and as root
         line = shlex.join(launcher(2)) + line.removeprefix("mpirun -n 2")
-    programs = find_program("talus-dem").parent
-    environment = os.environ | {"OMP_NUM_THREADS": "1"}
-    environment["PATH"] = f"{programs.resolve()}:{Path(sys.executable).parent}:{os.environ['PATH']}"
-    done = subprocess.run(["bash", "-c", line], env=environment, capture_output=True,
-                          text=True, timeout=60)  # fmt: skip
+    done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
     said = EXIT.search(line)
     assert done.returncode == (int(said[1]) if said else 0), done.stdout[-2000:] + done.stderr
 
@@ -80,6 +78,10 @@ def test_skeleton(page: Path) -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: p.stem)
 def test_steps(page: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every command of the steps works from a fresh folder, in the order of the page."""
+    programs, python = find_program("talus-dem").resolve().parent, Path(sys.executable).parent
+    monkeypatch.setenv("PATH", f"{programs}:{python}:{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(MANUAL.parent / "prepost"))
+    monkeypatch.setenv("OMP_NUM_THREADS", "1")
     monkeypatch.chdir(tmp_path)
     lines = commands(page)
     assert len(lines) > 4 and lines[0].startswith("talus new")

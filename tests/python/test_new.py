@@ -86,6 +86,17 @@ def test_wave(tmp_path: Path) -> None:
     assert np.isclose(force[-1] - force[0], step, rtol=0.02)
 
 
+def test_foreign(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """The check of a coupled deck leaves the input of a solver of one's own alone, not the rest."""
+    made("solver", tmp_path)
+    assert cli.main(["check", str(tmp_path / "coupled.nml")]) == 0
+    deck = tmp_path / "grains.nml"
+    deck.write_text(deck.read_text().replace("young", "youngg", 1))
+    capsys.readouterr()
+    assert cli.main(["check", str(tmp_path / "coupled.nml")]) == 1
+    assert "D011: talus-dem: unknown key 'youngg'" in capsys.readouterr().out
+
+
 def test_geometry(tmp_path: Path) -> None:
     """Keys reach packings and decks; the hopper's plates have the given inclination."""
     words = ["--set", "grains=33", "angle=45", "opening=0.02"]
