@@ -21,6 +21,7 @@ import tomllib
 from pathlib import Path
 
 import bench_table
+import manual_links
 import markdown
 from latex2mathml.converter import convert as latex_to_mathml
 
@@ -53,6 +54,8 @@ ORDER += [
     "prepost",
     "view",
     "study",
+    "theory-notation",
+    "theory-differences",
     "theory-dem",
     "theory-fem",
     "theory-coupling",
@@ -230,6 +233,7 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     )
     pages = {path.stem: path.read_text() for path in generated.glob("*.md")}
     pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
+    pages |= manual_links.example_pages(ROOT, out)
     pages["errors"] = errors_page()
     pages["verification"] = verification_page(verification, out)
     pages["verification"] += noticed_faults(ROOT / "manual/mutants.csv")
@@ -260,19 +264,18 @@ def main() -> int:
         shutil.copy(picture, options.out)
     names = [n for n in ORDER if n in pages] + sorted(set(pages) - set(ORDER))
     titles = {name: title_of(pages[name], name) for name in names}
-    dead = 0
+    bodies, faults = {}, []
     for name in names:
+        bodies[name], dead = manual_links.linked(page_html(pages[name]), pages)
+        faults += [(name, target) for target in dead]
+    faults += manual_links.dead_anchors(bodies)
+    for name, target in faults:
+        print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+    for name, body in bodies.items():
         links = "".join(
             f"<a href='{n}.html'{' class=here' if n == name else ''}>{html.escape(titles[n])}</a>"
             for n in names
         )
-        body = page_html(pages[name]).replace('.md"', '.html"')
-        for target in re.findall(r'href="([\w-]+)\.html', body):
-            if target not in pages:
-                print(
-                    f"manual: page {name} links to {target}, which does not exist", file=sys.stderr
-                )
-                dead += 1
         (options.out / f"{name}.html").write_text(
             "<!doctype html><html lang='en'><meta charset='utf-8'>"
             f"<title>{html.escape(titles[name])} - Talus</title><style>{STYLE}</style>"
@@ -280,7 +283,7 @@ def main() -> int:
             f"<footer>Talus {version}</footer></main></html>"
         )
     print(f"manual: {len(names)} pages, {options.out}/index.html")
-    return 1 if dead else 0
+    return 1 if faults else 0
 
 
 if __name__ == "__main__":
