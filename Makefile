@@ -68,7 +68,7 @@ unit-one: $(BUILD)/unit/$(T)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration moving-window fenicsx lammps scikit-fem calculix crushing gravity \
-  verification verification-ranks manual bench mutants fuzz
+  verification verification-ranks manual bench mutants fuzz uninstall wheel
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -151,7 +151,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
   moving-window fenicsx lammps scikit-fem calculix crushing gravity \
-  bench bench-deps verification verification-ranks manual mutants style install
+  bench bench-deps verification verification-ranks manual mutants style install uninstall tarball wheel
 PY := $(VENV)/bin/python
 
 help:
@@ -181,7 +181,9 @@ help:
 	  'make deps          what all this needs (deps-run: batch nodes, deps-render: pictures)' \
 	  'make style         layout rules of the code' \
 	  'make mutants       one-line faults: which test notices each (half an hour; ACCEPT=1 keeps the report)' \
-	  'make install PREFIX=/usr/local' \
+	  'make install PREFIX=/usr/local (DESTDIR=folder in front of it), make uninstall' \
+	  'make tarball       what make install installs, with its libraries, to be unpacked anywhere' \
+	  'make wheel         the Python package for pip' \
 	  'options: MODE=debug  ARCH=native|x86-64-v3|...  BUILD=folder'
 
 deps: deps-apt deps-run deps-render deps-dev
@@ -299,20 +301,17 @@ port: deps-run
 style: deps-run deps-dev
 	$(PY) tools/style.py
 
+# man pages and completion come from the environment of `make deps-run`, where it is there
+INSTALL := PYTHON=$(firstword $(wildcard $(PY)) $(PYTHON)) tools/install.sh
+TARBALL ?= $(BUILD)/talus-$(VERSION)-$(shell uname -m).tar.gz
 install: all
-	install -d $(DESTDIR)$(PREFIX)/bin $(DESTDIR)$(PREFIX)/share/talus
-	install -d $(DESTDIR)$(PREFIX)/include $(DESTDIR)$(PREFIX)/lib
-	install -m 755 $(PROGRAMS) $(DESTDIR)$(PREFIX)/bin
-	install -m 644 libport/talus_port.h common/port/talus_port_names.h $(DESTDIR)$(PREFIX)/include
-	install -m 644 $(OPEN_PORT) $(DESTDIR)$(PREFIX)/lib
-	rm -rf $(DESTDIR)$(PREFIX)/share/talus/talus
-	cp -r prepost/talus VERSION prepost/requirements-run.txt prepost/requirements-render.txt LICENSE \
-	  $(DESTDIR)$(PREFIX)/share/talus
-	rm -rf $(DESTDIR)$(PREFIX)/share/talus/editors
-	PYTHONPATH=prepost PYTHONDONTWRITEBYTECODE=1 $(PYTHON) -m talus.editor_files $(DESTDIR)$(PREFIX)/share/talus/editors
-	find $(DESTDIR)$(PREFIX)/share/talus -name __pycache__ -prune -exec rm -r {} +
-	sed 's|@SHARE@|$(PREFIX)/share/talus|g; s|@BIN@|$(PREFIX)/bin|' tools/talus.in > $(DESTDIR)$(PREFIX)/bin/talus
-	chmod 755 $(DESTDIR)$(PREFIX)/bin/talus
+	$(INSTALL) install $(DESTDIR)$(PREFIX) $(BIN) $(LIB)
+uninstall:
+	$(INSTALL) uninstall $(DESTDIR)$(PREFIX)
+tarball: all
+	$(INSTALL) tarball $(TARBALL) $(BIN) $(LIB)
+wheel:
+	$(PYTHON) tools/wheel.py $(BUILD)/wheel
 
 clean:
 	rm -rf $(BUILD)/obj $(BUILD)/mod $(BUILD)/bin $(BUILD)/lib $(BUILD)/unit $(BUILD)/depend.mk \

@@ -9,6 +9,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent.parent
 PROGRAMS = ("dem", "fem", "couple")
 FOLDERS = ("common", *PROGRAMS, "prepost")
+INSTALLED = Path(__file__).resolve().parent / "tables"  # of an installed suite
+TABLES = INSTALLED if INSTALLED.is_dir() else ROOT
 HEAD = ("program", "name", "doc", "include", "example")
 
 
@@ -38,10 +40,10 @@ def merged(first: dict, second: dict) -> dict:
 @cache
 def groups() -> tuple[Group, ...]:
     """Return all groups of the decks of all programs."""
-    shared = read_table(ROOT / "common" / "deck.toml")
+    shared = read_table(TABLES / "common" / "deck.toml")
     found = []
     for folder in PROGRAMS:
-        deck = read_table(ROOT / folder / "deck.toml")
+        deck = read_table(TABLES / folder / "deck.toml")
         own = {n: t for n, t in deck.items() if n not in HEAD or isinstance(t, dict)}
         for name in dict.fromkeys([*deck.get("include", []), *own]):
             table = merged(shared.get(name, {}), own.get(name, {}))
@@ -52,7 +54,7 @@ def groups() -> tuple[Group, ...]:
 @cache
 def codes() -> dict[str, dict]:
     """Return title and explanation of every error code."""
-    tables = [read_table(ROOT / folder / "errors.toml") for folder in FOLDERS]
+    tables = [read_table(TABLES / folder / "errors.toml") for folder in FOLDERS]
     return {code: entry for table in tables for code, entry in table.items()}
 
 
