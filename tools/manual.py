@@ -37,6 +37,7 @@ ORDER = [
     "learn-surround",
     "learn-cluster",
     "learn-solver",
+    "choosing",
     "install",
     "running",
     "ranks",

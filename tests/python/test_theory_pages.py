@@ -1,4 +1,4 @@
-"""Notation and differences: labels, files, cases and anchors that the pages name exist."""
+"""Notation, differences, choosing: labels, files, cases and anchors that they name exist."""
 
 import re
 from pathlib import Path
@@ -7,7 +7,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
 MANUAL = ROOT / "manual"
-PAGES = ["theory-notation.md", "theory-differences.md"]
+PAGES = ["theory-notation.md", "theory-differences.md", "choosing.md"]
 NUMBERS = 49  # equations of the chapter
 
 
@@ -48,3 +48,11 @@ def test_numbers() -> None:
     for first, last in re.findall(r"\((\d+)\)(?:(?:–| to )\((\d+)\))?", text):
         named |= set(range(int(first), int(last or first) + 1))
     assert named >= set(range(1, NUMBERS + 1)), sorted(set(range(1, NUMBERS + 1)) - named)
+
+
+def test_sources() -> None:
+    """Every part of the page on choosing that has a number names where it comes from."""
+    for part in re.split(r"\n(?=## )", (MANUAL / "choosing.md").read_text())[1:]:
+        for block in part.split("\n\n")[1:]:
+            if re.search(r"\d\.\d", block) and not block.startswith("| half-width"):
+                assert "](" in block or "case" in block, block[:120]
