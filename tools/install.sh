@@ -76,6 +76,7 @@ bundle_libraries() {
   done
   copy_libraries "$1/lib/talus" "$1"/libexec/talus/talus-*
   # plugins of OpenMPI, at the place that they have below its prefix
+  command -v ompi_info > /dev/null || { echo "no plugins of OpenMPI: there is no ompi_info here" >&2; return; }
   prefix=$(ompi_info --parsable --path prefix | sed 's/.*://')
   plugins=$(ompi_info --parsable --path pkglibdir | sed 's/.*://')
   mkdir -p "$1/lib/talus/openmpi/${plugins#"$prefix"/}"
