@@ -112,6 +112,7 @@ def test_wheel(tmp_path: Path) -> None:
     (site / "below.pth").write_text("\n".join(below))  # numpy and its kin are there already
     talus = tmp_path / "venv/bin/talus"
     assert call(talus, "--version").strip() == f"talus {(ROOT / 'VERSION').read_text().strip()}"
+    assert str(site) in call(python, "-c", "import talus; print(talus.__file__)")
     said = call(talus, "new", "--help")
     assert all(kind in said for kind in templates.kinds())
     assert "would overwrite" in call(talus, "explain", "E636")
