@@ -22,7 +22,7 @@ CODES = {"talus-dem": 4, "talus-fem": 4, "talus-couple": -signal.SIGKILL, "termi
 
 
 def write_model(folder: Path) -> None:
-    """Write a column that moves a little, in which an element opens or closes every tenth exchange."""
+    """Write a column that moves a little; an element opens or closes every tenth exchange."""
     write_long(folder, CLOSING)
     packing = read_packing(folder / "packing.h5")
     packing.v = 1e-3 * np.sin(1e3 * packing.x)
