@@ -61,12 +61,17 @@ def main(way: float) -> None:
 
 
 def draw_beds() -> None:
-    """Draw the grains of the whole bed and those awake, at the end."""
-    fig, axes = plt.subplots(nrows=3, figsize=(11, 5.5), sharex=True, layout="constrained")
-    for ax, name in zip(axes, ("whole", "opened", "closed"), strict=True):
-        g = field_steps(Path(f"{FILES[name]}.h5"))[-1].grains
+    """Draw the grains of the whole bed and those awake, at the last time that all beds have."""
+    names = ("whole", "opened", "closed")
+    steps = [field_steps(Path(f"{FILES[name]}.h5")) for name in names]
+    last = min(of_one[-1].time for of_one in steps)
+    fig, axes = plt.subplots(nrows=3, figsize=(10, 5.0), sharex=True, layout="constrained")
+    for ax, name, of_one in zip(axes, names, steps, strict=True):
+        g = min(of_one, key=lambda step: abs(step.time - last)).grains
         speed = np.where(g["kind"] != 0, -0.05, np.linalg.norm(g["v"], axis=1))
-        ax.scatter(1e3 * g["x"][:, 0], 1e3 * g["x"][:, 2], s=1.5, c=speed, vmin=-0.05, vmax=0.4)
+        ax.scatter(1e3 * g["x"][:, 0], 1e3 * g["x"][:, 2], s=5.0, c=speed, vmin=-0.05, vmax=0.4)
+        if name == "opened":
+            ax.set_xlim(1e3 * g["x"][:, 0].mean() + np.array([-250.0, 250.0]))
         ax.set(ylabel="z [mm]", aspect="equal", title=f"{RUNS[name]}: {len(g['id'])} grains")
     axes[-1].set(xlabel="x [mm]")
     fig.savefig("bed.png", dpi=120)
