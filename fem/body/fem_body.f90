@@ -83,6 +83,7 @@ contains
         self%matter%accepted_stress(:, self%elastic%point(e)))
     end do
     call self%pore%prepare(self%dofs, moduli, self%accepted%u)
+    if (.not. self%scheme%dynamic) call self%pore%keep(self%mesh, self%elastic)
     call self%begin_liquid()
   end subroutine prepare_pore
 

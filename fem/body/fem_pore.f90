@@ -1,6 +1,7 @@
 !> The liquid in the pores of a body: which elements have one, pressures that are held, inflow
 !! through faces; forces, matrices and contents of a step, and the books of what entered. Elements
-!! are those of fem_pore_element.
+!! are those of fem_pore_element; in statics their integrals are kept (fem_pore_integrals), for each
+!! step takes the elements four times.
 module fem_pore
   use talus_kinds, only: wp, i4, i8
   use talus_curve, only: curve_type
@@ -9,46 +10,20 @@ module fem_pore
   use fem_pore_element, only: fem_skeleton_type, fem_wet_type, fem_flow_step_type, &
     fem_flow_energy_type, fem_flow_change_type, wet_shape, wet_force, wet_matrix, wet_energy, &
     wet_content, wet_size, darcy_flow, constant_permeability, permeability_factor, mean_strain
+  use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type, &
+    add_leaks, let_in
+  use fem_pore_integrals, only: fem_wet_integrals_type, integrate_wet, integrals_size, flow_force, &
+    flow_matrix, flow_energy, flow_content, flow_size, flow_strain
   use fem_scatter, only: add_flow
   use fem_sparse, only: fem_pattern_type
-  use fem_types, only: fem_mesh_type, name_length
+  use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: fem_pore_type, fem_held_pressure_type, fem_inflow_type, fem_pore_books_type
-  public :: fem_leak_type
+  public :: fem_pore_type, fem_pore_books_type
 
   integer(i4), parameter :: chunks = 64       !! of elements, whatever the number of threads
   real(wp), parameter :: least = 1.0e-5_wp    !! share of volumes that cancel in a balance's size
-
-  !> Pressures that the deck prescribes at some nodes.
-  type :: fem_held_pressure_type
-    character(len=name_length) :: name = ''
-    integer(i4) :: curve = 0                !! 0: constant
-    integer(i4), allocatable :: block(:)
-    real(wp), allocatable :: value(:)       !! [Pa]
-  end type fem_held_pressure_type
-
-  !> Liquid that enters through facets.
-  type :: fem_inflow_type
-    character(len=name_length) :: name = ''
-    integer(i4) :: curve = 0
-    real(wp) :: factor = 1.0_wp             !! of the curve in the step
-    real(wp), allocatable :: rate(:)        !! (blocks) [m^3/s]
-  end type fem_inflow_type
-
-  !> Faces that let liquid out by c (p - outside), shared out to their nodes; of a seepage face
-  !! only outward.
-  type :: fem_leak_type
-    character(len=name_length) :: name = ''
-    integer(i4) :: curve = 0                !! of the pressure outside
-    logical :: one_way = .false.
-    real(wp) :: outside = 0.0_wp            !! [Pa]
-    real(wp) :: now = 0.0_wp                !! pressure outside in the step [Pa]
-    real(wp) :: rate = 0.0_wp               !! inflow in the step [m^3/s]
-    integer(i4), allocatable :: block(:)
-    real(wp), allocatable :: conductance(:) !! c times the share of the area [m^3/(Pa s)]
-    logical, allocatable :: open(:)         !! liquid passes in the trial
-  end type fem_leak_type
+  integer(i8), parameter :: most_kept = 2_i8**27  !! reals of integrals, 1 GiB
 
   !> What entered so far, by held groups, then by inflows and leaks, and what is there.
   type :: fem_pore_books_type
@@ -69,6 +44,7 @@ module fem_pore
     real(wp), allocatable :: pervious(:)    !! (elements) mobility over that of the start
     real(wp), allocatable :: shear(:)       !! (elements) that steadies equal orders [Pa]
     real(wp), allocatable :: confined(:)    !! (elements) oedometric moduli at the start [Pa]
+    type(fem_wet_integrals_type), allocatable :: kept(:)  !! (elements) in statics, if there is room
     type(fem_held_pressure_type), allocatable :: held(:)
     type(fem_inflow_type), allocatable :: inflow(:)
     type(fem_leak_type), allocatable :: leak(:)
@@ -80,6 +56,7 @@ module fem_pore
     real(wp), allocatable :: gross(:)       !! (blocks) sizes of what a step's balance sums [m^3]
   contains
     procedure :: prepare
+    procedure :: keep
     procedure :: prepare_start
     procedure :: undrained
     procedure :: impose
@@ -90,7 +67,7 @@ module fem_pore
     procedure :: forget_books
     procedure :: pressure_at
     procedure :: renew_mobility
-    procedure, private :: change_of, solid_of
+    procedure, private :: change_of, solid_of, gather
     procedure :: force
     procedure :: add_matrix
     procedure :: account
@@ -120,6 +97,32 @@ contains
     self%books%rate = self%books%entered
     self%accepted_books = self%books
   end subroutine prepare
+
+  !> Keep the integrals of the elements over the steps of a static analysis, where there is room.
+  subroutine keep(self, mesh, elastic)
+    class(fem_pore_type), intent(inout) :: self
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_wet_type) :: wet
+    integer(i8) :: reals
+    integer(i4) :: e, rule
+    if (.not. self%active) return
+    reals = 0
+    do e = 1, mesh%elements
+      if (self%skeleton_of(e) > 0) reals = reals + integrals_size(elastic%rule(elastic%rule_of(e)))
+    end do
+    if (allocated(self%kept)) deallocate (self%kept)
+    if (reals > most_kept) return
+    allocate (self%kept(mesh%elements))
+    rule = 0
+    do e = 1, mesh%elements
+      if (self%skeleton_of(e) == 0) cycle
+      call shape_of(self, mesh, elastic, e, rule, wet)
+      call integrate_wet(elastic%rule(rule), self%skeleton(self%skeleton_of(e)), wet, &
+        mesh%x(:, mesh%node(mesh%start(e):mesh%start(e) + elastic%rule(rule)%nodes - 1)), &
+        self%step%gravity, self%kept(e))
+    end do
+  end subroutine keep
 
   !> Modulus that the liquid adds where it cannot flow, alpha^2/S; 0 where there is none [Pa].
   pure function undrained(self, elements) result(modulus)
@@ -186,48 +189,6 @@ contains
     end do
   end subroutine begin
 
-  !> Inflow of the step with that of the leaks for pressures at its start and end, and the sizes of
-  !! what it sums.
-  subroutine let_in(self, start, after)
-    class(fem_pore_type), intent(inout) :: self
-    real(wp), intent(in) :: start(:), after(:)  !! (blocks) [Pa]
-    real(wp) :: inward
-    integer(i4) :: k, a
-    self%rate = self%given
-    self%gross = abs(self%step%dt*self%given)
-    do k = 1, size(self%leak)
-      associate (l => self%leak(k), theta => self%step%theta)
-        l%rate = 0.0_wp
-        do a = 1, size(l%block)
-          inward = l%conductance(a)*(l%now - theta*after(l%block(a)) &
-                                     - (1.0_wp - theta)*start(l%block(a)))
-          l%open(a) = .not. l%one_way .or. inward < 0.0_wp
-          if (.not. l%open(a)) cycle
-          self%rate(l%block(a)) = self%rate(l%block(a)) + inward
-          self%gross(l%block(a)) = self%gross(l%block(a)) + abs(self%step%dt*inward)
-          l%rate = l%rate + inward
-        end do
-      end associate
-    end do
-  end subroutine let_in
-
-  !> Add the slopes of the leaks to a matrix.
-  pure subroutine add_leaks(self, pattern, k)
-    class(fem_pore_type), intent(in) :: self
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp), intent(inout) :: k(:, :, :)
-    integer(i4) :: i, a, p
-    do i = 1, size(self%leak)
-      associate (l => self%leak(i))
-        do a = 1, size(l%block)
-          p = pattern%start(l%block(a))  ! the diagonal is first in its row
-          if (l%open(a)) k(1, 1, p) = k(1, 1, p) &
-            - self%step%dt*self%step%theta*l%conductance(a)
-        end do
-      end associate
-    end do
-  end subroutine add_leaks
-
   !> The length of a step.
   subroutine take_step(self, dt)
     class(fem_pore_type), intent(inout) :: self
@@ -291,6 +252,7 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)  !! (3, blocks)
     type(fem_wet_type) :: wet
+    real(wp) :: strain
     integer(i4) :: e, rule, k
     if (all(self%skeleton%law == constant_permeability)) return
     rule = 0
@@ -298,10 +260,15 @@ contains
       k = self%skeleton_of(e)
       if (k == 0) cycle
       if (self%skeleton(k)%law == constant_permeability) cycle
-      call shape_of(self, mesh, elastic, e, rule, wet)
-      associate (block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
-        self%pervious(e) = permeability_factor(self%skeleton(k), mean_strain(wet, &
-          u(:, block) - self%start(:, block)))
+      associate (block => dofs%block(dofs%start(e):dofs%start(e) &
+                                     + elastic%rule(elastic%rule_of(e))%nodes - 1))
+        if (allocated(self%kept)) then
+          strain = flow_strain(self%kept(e), u(:, block) - self%start(:, block))
+        else
+          call shape_of(self, mesh, elastic, e, rule, wet)
+          strain = mean_strain(wet, u(:, block) - self%start(:, block))
+        end if
+        self%pervious(e) = permeability_factor(self%skeleton(k), strain)
       end associate
     end do
   end subroutine renew_mobility
@@ -328,6 +295,26 @@ contains
     end associate
   end function change_of
 
+  !> What a step moves at the nodes of element e, and the pressures of its corners at start and end.
+  pure subroutine gather(self, dofs, e, old, moved, d, p)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: e
+    real(wp), intent(in) :: old(:, :), moved(:, :)  !! (3, blocks)
+    real(wp), intent(out) :: d(:, :)                !! (3, nodes) [m]
+    real(wp), intent(out) :: p(:, :)                !! (corners, 2) [Pa]
+    integer(i4) :: a, block
+    do a = 1, self%kept(e)%solid/3
+      block = dofs%block(dofs%start(e) + a - 1)
+      d(:, a) = moved(:, block)
+    end do
+    do a = 1, self%kept(e)%corners
+      block = dofs%wet(dofs%wet_start(e) + a - 1)
+      p(a, 1) = old(1, block)
+      p(a, 2) = old(1, block) + moved(1, block)
+    end do
+  end subroutine gather
+
   !> Add internal forces to the rows of displacements [N], and to those of pressures the inflow less
   !! the content gained in a step from the state `old` [m^3].
   subroutine force(self, mesh, dofs, elastic, old, moved, total)
@@ -337,13 +324,12 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: old(:, :), moved(:, :)  !! (3, blocks)
     real(wp), intent(inout) :: total(:, :)
-    real(wp), allocatable :: nodal(:, :), flow(:), gross(:)
+    real(wp), allocatable :: nodal(:, :), volume(:, :)
     integer(i4) :: c, k
     if (.not. self%active) return
-    allocate (nodal(3, size(dofs%block)), flow(size(dofs%wet)), gross(size(dofs%wet)), &
-      source=0.0_wp)
+    allocate (nodal(3, size(dofs%block)), volume(2, size(dofs%wet)), source=0.0_wp)
     !$omp parallel do default(none) private(c) schedule(dynamic) &
-    !$omp shared(self, mesh, dofs, elastic, old, moved, nodal, flow, gross)
+    !$omp shared(self, mesh, dofs, elastic, old, moved, nodal, volume)
     do c = 1, chunks
       call chunk_forces(self, mesh, dofs, elastic, old, moved, c)
     end do
@@ -351,11 +337,13 @@ contains
     do k = 1, size(dofs%block)
       total(:, dofs%block(k)) = total(:, dofs%block(k)) + nodal(:, k)
     end do
-    call let_in(self, old(1, :), old(1, :) + moved(1, :))
+    self%rate = self%given
+    self%gross = abs(self%step%dt*self%given)
+    call let_in(self%leak, self%step, old(1, :), old(1, :) + moved(1, :), self%rate, self%gross)
     total(1, :) = total(1, :) + self%step%dt*self%rate
     do k = 1, size(dofs%wet)
-      total(1, dofs%wet(k)) = total(1, dofs%wet(k)) + flow(k)
-      self%gross(dofs%wet(k)) = self%gross(dofs%wet(k)) + abs(flow(k)) + least*gross(k)
+      total(1, dofs%wet(k)) = total(1, dofs%wet(k)) + volume(1, k)
+      self%gross(dofs%wet(k)) = self%gross(dofs%wet(k)) + abs(volume(1, k)) + least*volume(2, k)
     end do
 
   contains
@@ -373,19 +361,35 @@ contains
       rule = 0
       do e = first_of(c, mesh%elements), first_of(c + 1_i4, mesh%elements) - 1
         if (self%skeleton_of(e) == 0) cycle
-        call shape_of(self, mesh, elastic, e, rule, wet)
-        associate (n => elastic%rule(rule)%nodes, a => dofs%start(e), b => dofs%wet_start(e), &
-                   m => dofs%wet_start(e + 1) - 1)
-          associate (s => self%solid_of(e))
-            change = self%change_of(dofs, elastic, e, old, moved)
-            call wet_force(elastic%rule(rule), s, wet, self%step, change, &
-                           nodal(:, a:a + n - 1), flow(b:m))
-            gross(b:m) = wet_size(s, wet, self%step, change)
-          end associate
+        associate (n => elastic%rule(elastic%rule_of(e))%nodes, a => dofs%start(e), &
+                   b => dofs%wet_start(e), m => dofs%wet_start(e + 1) - 1)
+          if (allocated(self%kept)) then
+            call kept_forces(self, dofs, old, moved, e, nodal(:, a:a + n - 1), volume(:, b:m))
+            cycle
+          end if
+          call shape_of(self, mesh, elastic, e, rule, wet)
+          change = self%change_of(dofs, elastic, e, old, moved)
+          call wet_force(elastic%rule(rule), self%solid_of(e), wet, self%step, change, &
+                         nodal(:, a:a + n - 1), volume(1, b:m))
+          volume(2, b:m) = wet_size(self%solid_of(e), wet, self%step, change)
         end associate
       end do
     end subroutine chunk_forces
   end subroutine force
+
+  !> Forces of element e by its kept integrals; `volume` has what its corners lose and its size.
+  subroutine kept_forces(self, dofs, old, moved, e, nodal, volume)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    real(wp), intent(in) :: old(:, :), moved(:, :)
+    integer(i4), intent(in) :: e
+    real(wp), intent(out), contiguous :: nodal(:, :), volume(:, :)
+    real(wp) :: d(3, self%kept(e)%solid/3), p(self%kept(e)%corners, 2), flow(size(p, 1))
+    call self%gather(dofs, e, old, moved, d, p)
+    call flow_force(self%kept(e), self%pervious(e), self%step, d, p, nodal, flow)
+    volume(1, :) = flow
+    volume(2, :) = flow_size(self%kept(e), self%solid_of(e), self%step, d, p)
+  end subroutine kept_forces
 
   !> First of n elements of chunk c.
   pure integer(i4) function first_of(c, n)
@@ -422,16 +426,22 @@ contains
     real(wp), allocatable :: coupling(:, :, :), flow(:, :)
     integer(i4) :: e, rule
     if (.not. self%active) return
-    call add_leaks(self, pattern, k)
+    call add_leaks(self%leak, self%step, pattern, k)
     rule = 0
     do e = 1, mesh%elements
       if (self%skeleton_of(e) == 0) cycle
-      call shape_of(self, mesh, elastic, e, rule, wet)
-      associate (n => elastic%rule(rule)%nodes, m => elastic%rule(rule)%corners)
-        if (allocated(flow)) deallocate (coupling, flow)
-        allocate (coupling(3*n, m, 2), flow(m, m))
-        call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, &
-                        coupling, flow)
+      associate (n => elastic%rule(elastic%rule_of(e))%nodes, &
+                 m => elastic%rule(elastic%rule_of(e))%corners)
+        if (allocated(flow)) then
+          if (size(coupling) /= 6*n*m) deallocate (coupling, flow)
+        end if
+        if (.not. allocated(flow)) allocate (coupling(3*n, m, 2), flow(m, m))
+        if (allocated(self%kept)) then
+          call flow_matrix(self%kept(e), self%pervious(e), self%step, coupling, flow)
+        else
+          call shape_of(self, mesh, elastic, e, rule, wet)
+          call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, coupling, flow)
+        end if
         call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
           dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), pattern, coupling, flow, k, lower)
       end associate
@@ -446,32 +456,83 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: old(:, :), u(:, :)  !! (3, blocks)
     type(fem_flow_energy_type), intent(out) :: energy
-    type(fem_flow_energy_type) :: part
-    type(fem_wet_type) :: wet
+    real(wp) :: part(5, chunks)  !! content and energies
     real(wp), allocatable :: moved(:, :), gone(:, :)
-    integer(i4) :: e, rule
-    rule = 0
-    self%books%content = 0.0_wp
-    allocate (moved, source=u)
+    integer(i4) :: c
+    allocate (moved, gone, mold=u)
     moved = u - old
-    allocate (gone, source=u)
     gone = u - self%start
-    do e = 1, mesh%elements
-      if (self%skeleton_of(e) == 0) cycle
-      call shape_of(self, mesh, elastic, e, rule, wet)
-      associate (r => elastic%rule(rule), s => self%solid_of(e), &
-                 p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
-                 block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
-        part = wet_energy(r, s, wet, self%step, self%change_of(dofs, elastic, e, old, moved))
-        self%books%content = self%books%content + wet_content(r, s, wet, &
-          gone(:, block), gone(1, p))
-      end associate
-      energy%stored = energy%stored + part%stored
-      energy%darcy = energy%darcy + part%darcy
-      energy%fall = energy%fall + part%fall
-      energy%numerical = energy%numerical + part%numerical
+    part = 0.0_wp
+    !$omp parallel do default(none) private(c) schedule(dynamic) &
+    !$omp shared(self, mesh, dofs, elastic, old, moved, gone, part)
+    do c = 1, chunks
+      if (allocated(self%kept)) then
+        call account_kept(self, dofs, old, moved, gone, c, part(:, c))
+      else
+        call account_points(c)
+      end if
     end do
+    !$omp end parallel do
+    self%books%content = 0.0_wp
+    do c = 1, chunks
+      self%books%content = self%books%content + part(1, c)
+      energy%stored = energy%stored + part(2, c)
+      energy%darcy = energy%darcy + part(3, c)
+      energy%fall = energy%fall + part(4, c)
+      energy%numerical = energy%numerical + part(5, c)
+    end do
+
+  contains
+
+    subroutine account_points(c)
+      integer(i4), intent(in) :: c
+      type(fem_wet_type) :: wet
+      integer(i4) :: e, rule
+      rule = 0
+      do e = first_of(c, mesh%elements), first_of(c + 1_i4, mesh%elements) - 1
+        if (self%skeleton_of(e) == 0) cycle
+        call shape_of(self, mesh, elastic, e, rule, wet)
+        associate (r => elastic%rule(rule), s => self%solid_of(e), &
+                   p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
+                   block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
+          call sum_up(wet_content(r, s, wet, gone(:, block), gone(1, p)), wet_energy(r, s, wet, &
+            self%step, self%change_of(dofs, elastic, e, old, moved)), part(:, c))
+        end associate
+      end do
+    end subroutine account_points
   end subroutine account
+
+  !> `account` of a chunk by kept integrals; `gone` is the change since the start.
+  subroutine account_kept(self, dofs, old, moved, gone, c, part)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    real(wp), intent(in) :: old(:, :), moved(:, :), gone(:, :)  !! (3, blocks)
+    integer(i4), intent(in) :: c
+    real(wp), intent(inout) :: part(5)
+    integer(i4) :: e
+    do e = first_of(c, size(self%kept)), first_of(c + 1_i4, size(self%kept)) - 1
+      if (self%skeleton_of(e) > 0) call account_element()
+    end do
+
+  contains
+
+    subroutine account_element()
+      real(wp) :: d(3, self%kept(e)%solid/3), p(self%kept(e)%corners, 2)
+      real(wp) :: content
+      call self%gather(dofs, e, gone, gone, d, p)
+      content = flow_content(self%kept(e), d, p(:, 1))
+      call self%gather(dofs, e, old, moved, d, p)
+      call sum_up(content, flow_energy(self%kept(e), self%pervious(e), self%step, p), part)
+    end subroutine account_element
+  end subroutine account_kept
+
+  !> Add content and energies of an element.
+  pure subroutine sum_up(content, energy, part)
+    real(wp), intent(in) :: content
+    type(fem_flow_energy_type), intent(in) :: energy
+    real(wp), intent(inout) :: part(5)
+    part = part + [content, energy%stored, energy%darcy, energy%fall, energy%numerical]
+  end subroutine sum_up
 
   !> Book what entered in the step; `raw` has the volume that the held nodes gave [m^3].
   subroutine enter(self, raw)

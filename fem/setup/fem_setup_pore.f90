@@ -10,8 +10,8 @@ module fem_setup_pore
   use fem_dofs, only: number_pressures
   use fem_loads, only: couple_force, pressure_force
   use fem_mesh, only: find_group, group_hint
-  use fem_pore, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
   use fem_pore_element, only: fem_skeleton_type, constant_permeability, kozeny_carman, by_void_ratio
+  use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
   use fem_types, only: fem_load_type, group_facet, group_node, group_volume
   implicit none
   private

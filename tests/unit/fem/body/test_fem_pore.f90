@@ -7,8 +7,9 @@ program test_fem_pore
   use fem_dofs, only: fem_dofs_type, number_fields, number_pressures
   use fem_elastic, only: fem_elastic_type
   use fem_kinds, only: hex8
-  use fem_pore, only: fem_pore_type, fem_leak_type
+  use fem_pore, only: fem_pore_type
   use fem_pore_element, only: fem_flow_energy_type, fem_skeleton_type, kozeny_carman
+  use fem_pore_faces, only: fem_leak_type
   use fem_sparse, only: fem_pattern_type, make_pattern, multiply_general
   use fem_topology, only: set_elements
   use fem_types, only: fem_mesh_type
@@ -30,6 +31,7 @@ program test_fem_pore
   call check_books()
   call check_one_way()
   call check_permeability()
+  call check_kept()
   call test%finish()
 
 contains
@@ -175,4 +177,37 @@ contains
       *0.36_wp/0.064_wp) < 1e-13_wp)
     call test%check('dry elements keep theirs', abs(pore%pervious(3) - 1.0_wp) <= 0.0_wp)
   end subroutine check_permeability
+
+  !> Kept integrals change nothing but rounding, in forces, matrix, books and permeability.
+  subroutine check_kept()
+    real(wp), dimension(3, dofs%blocks) :: old, moved
+    real(wp) :: f(3, dofs%blocks, 2), content(2), pervious(wet, 2)
+    real(wp), allocatable :: k(:, :, :, :), lower(:, :, :, :)
+    type(fem_flow_energy_type) :: energy(2)
+    integer(i4) :: way
+    allocate (k(3, 3, size(pattern%column), 2), lower(3, 3, size(pattern%column), 2), &
+      source=0.0_wp)
+    old = 0.1_wp*state(0.3_wp)
+    moved = state(1.1_wp)
+    f = 0.0_wp
+    do way = 1, 2
+      if (way == 2) call pore%keep(mesh, elastic)
+      call pore%renew_mobility(mesh, dofs, elastic, old)
+      pervious(:, way) = pore%pervious(:wet)
+      call pore%force(mesh, dofs, elastic, old, moved, f(:, :, way))
+      call pore%add_matrix(mesh, dofs, elastic, pattern, k(:, :, :, way), lower(:, :, :, way))
+      call pore%account(mesh, dofs, elastic, old, old + moved, energy(way))
+      content(way) = pore%books%content
+    end do
+    call test%check('kept for wet elements', allocated(pore%kept(wet)%column) .and. &
+      .not. allocated(pore%kept(elements)%column))
+    call test%check('kept: permeability', max_abs(pervious(:, 2) - pervious(:, 1)) < 1e-13_wp)
+    call test%check('kept: permeability changed', abs(pervious(1, 1) - 1.0_wp) > 0.01_wp)
+    call test%check('kept: forces', max_abs(f(:, :, 2) - f(:, :, 1)) < 1e-13_wp)
+    call test%check('kept: matrix', max_abs(k(:, :, :, 2) - k(:, :, :, 1)) < 1e-13_wp)
+    call test%check('kept: lower', max_abs(lower(:, :, :, 2) - lower(:, :, :, 1)) < 1e-13_wp)
+    call test%check('kept: content', abs(content(2) - content(1)) < 1e-13_wp)
+    call test%check('kept: stored', abs(energy(2)%stored - energy(1)%stored) < 1e-13_wp)
+    call test%check('kept: dissipated', abs(energy(2)%darcy - energy(1)%darcy) < 1e-13_wp)
+  end subroutine check_kept
 end program test_fem_pore
