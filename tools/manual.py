@@ -48,6 +48,7 @@ ORDER = [
 ]
 ORDER += [
     "element-tests",
+    "capillary",
     "pore-fluid",
     "moving-beds",
     "breakage",

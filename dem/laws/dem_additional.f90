@@ -14,6 +14,7 @@ module dem_additional
   use dem_additional_registry, only: list_models
   use dem_additional_list, only: held_lanes
   use dem_bond_counts, only: count_broken
+  use dem_liquid_counts, only: count_liquid
   implicit none
   private
   public :: plan_additional, check_reach
@@ -49,7 +50,8 @@ contains
     call memory_places(laws, additional)
   end subroutine plan_additional
 
-  !> What holds over a gap must end before the list loses the pair (I219).
+  !> What holds over a gap must end before the list loses the pair (I219), and constants must fit
+  !! the grains.
   subroutine check_reach(d, errors)
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
@@ -57,6 +59,7 @@ contains
     integer(i4) :: m
 
     do m = 1, d%pairs%additional%models
+      call fit_grains(d, m, errors)
       length = longest_reach(d, m)
       if (length <= 0.5_wp*d%pairs%skin) cycle
       associate (model => d%pairs%additional%model(m))
@@ -67,6 +70,25 @@ contains
       end associate
     end do
   end subroutine check_reach
+
+  !> Do the constants of model m fit the grains? One fault a model.
+  subroutine fit_grains(d, m, errors)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: m
+    type(error_list_type), intent(inout) :: errors
+    type(additional_given_type) :: given
+    integer(i4) :: a, b, before
+    if (.not. associated(d%pairs%additional%model(m)%fit) .or. d%grains%n == 0) return
+    before = errors%count
+    do a = 1, size(d%laws, 1)
+      do b = a, size(d%laws, 2)
+        if (.not. d%laws(a, b)%additional%acts(m) .or. errors%count > before) cycle
+        given%law = d%laws(a, b)%law_numbers_type
+        given%own = d%laws(a, b)%additional%own(:, m)
+        call d%pairs%additional%model(m)%fit(given, minval(d%grains%radius), errors)
+      end do
+    end do
+  end subroutine fit_grains
 
   !> Longest gap over which model m holds contacts, by the largest grain [m].
   pure real(wp) function longest_reach(d, m) result(length)
@@ -290,5 +312,6 @@ contains
     d%ledger%breakage = d%ledger%breakage + works(work_breakage)
     d%pairs%additional%broken = d%pairs%additional%broken + works(work_torn:work_sheared)
     call count_broken(d%pairs%additional)
+    call count_liquid(d%pairs%additional, works)
   end subroutine book_works
 end module dem_additional

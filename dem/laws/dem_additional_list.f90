@@ -8,6 +8,7 @@ module dem_additional_list
   use dem_additional_numbers, only: additional_work_count
   use dem_additional_state, only: dem_additional_type, kept_places_type, most_parts
   use dem_bond_counts, only: count_lost, put_bonds, get_bonds
+  use dem_liquid_counts, only: put_liquid, get_liquid
   implicit none
   private
   public :: move_additional, mark_touched, held_lanes, held_of, put_additional, get_additional
@@ -120,7 +121,8 @@ contains
     end subroutine get_part
   end subroutine get_additional
 
-  !> What is no list: bonds made and broken, and how what contacts keep is laid out.
+  !> What is no list: bonds made and broken, liquid of bridges, and how what contacts keep is laid
+  !! out.
   subroutine put_run_of_additional(additional, archive)
     type(dem_additional_type), intent(in) :: additional
     class(dem_archive_type), intent(inout) :: archive
@@ -128,14 +130,16 @@ contains
     call archive%put_integers('extras.layout', reshape(int(layout_of(additional), i8), &
                                                        [layout_size, 1]))
     call put_bonds(additional, archive)
+    call put_liquid(additional, archive)
   end subroutine put_run_of_additional
 
-  !> The bonds back.
+  !> The bonds and the liquid back.
   subroutine get_run_of_additional(additional, archive, errors)
     type(dem_additional_type), intent(inout) :: additional
     type(dem_archive_type), intent(in) :: archive
     type(error_list_type), intent(inout) :: errors
     call get_bonds(additional, archive, errors)
+    if (.not. errors%any()) call get_liquid(additional, archive, errors)
   end subroutine get_run_of_additional
 
   !> Layout of a checkpoint; without additional contact models all zero.

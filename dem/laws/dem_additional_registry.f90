@@ -6,6 +6,7 @@ module dem_additional_registry
   use dem_additional_numbers, only: additional_law_type, most_models
   use dem_additional_state, only: dem_additional_type
   use dem_bond, only: bond
+  use dem_capillary, only: capillary
   use dem_cohesion, only: cohesion
   use dem_rolling, only: rolling
   implicit none
@@ -22,6 +23,7 @@ contains
     call add(rolling(), list, n)
     call add(cohesion(), list, n)
     call add(bond(), list, n)
+    call add(capillary(), list, n)
   end subroutine list_models
 
   pure subroutine add(model, list, n)

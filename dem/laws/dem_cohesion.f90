@@ -19,6 +19,7 @@ module dem_cohesion
   use dem_additional_model, only: additional_model_type, additional_given_type, &
     additional_works_type
   use dem_block, only: dem_block_type
+  use dem_pull, only: place_of_contact, speed_of_contact, add_pull
   implicit none
   private
   public :: cohesion, cohesion_type, tear_overlap, neck_radius
@@ -107,7 +108,7 @@ contains
     real(wp), intent(inout) :: kept(lanes, reals)
     type(additional_works_type), intent(inout) :: works
     type(cohesion_type) :: law
-    real(wp) :: row(reals), radius, normal(3), point(3), force(3), part(2), work(2), speed
+    real(wp) :: row(reals), radius, normal(3), point(3), part(2), work(2), speed
     integer(i4) :: k
 
     law = constants_of(given)
@@ -119,44 +120,17 @@ contains
       else
         radius = 1.0_wp/b%curvature(k)
       end if
-      normal = [b%nx(k), b%ny(k), b%nz(k)]
-      point = [b%ax(k), b%ay(k), b%az(k)] + given%law%share*b%gap(k)*normal
+      call place_of_contact(b, given%law%share, k, normal, point)
       row = kept(k, :)
-      speed = approach(b, k, point, normal)
+      speed = speed_of_contact(b, k, point, normal)
       call one_contact(law, given%h, radius, -b%gap(k), speed, row, part)
       kept(k, :) = row
       work = work + given%weight(k)*part
-      force = given%weight(k)*row(2)*normal
-      point = point + b%a%x(k, :)
-      b%load%fx(k) = b%load%fx(k) + force(1)
-      b%load%fy(k) = b%load%fy(k) + force(2)
-      b%load%fz(k) = b%load%fz(k) + force(3)
-      b%load%mx(k) = b%load%mx(k) + point(2)*force(3) - point(3)*force(2)
-      b%load%my(k) = b%load%my(k) + point(3)*force(1) - point(1)*force(3)
-      b%load%mz(k) = b%load%mz(k) + point(1)*force(2) - point(2)*force(1)
+      call add_pull(b, k, point, given%weight(k)*row(2)*normal)
     end do
     works%columns(column_curvature) = works%columns(column_curvature) + work(2)
     works%models(work_breakage) = works%models(work_breakage) + work(1)
   end subroutine pull_block
-
-  !> Velocity of B from A along the normal at a point from the centre of A [m/s].
-  pure real(wp) function approach(b, k, point, normal) result(speed)
-    type(dem_block_type), intent(in) :: b
-    integer(i4), intent(in) :: k
-    real(wp), intent(in) :: point(3), normal(3)
-    real(wp) :: arm(3), v(3)
-    arm = point - [b%rx(k), b%ry(k), b%rz(k)]
-    v = [b%b%vx(k) - b%a%vx(k), b%b%vy(k) - b%a%vy(k), b%b%vz(k) - b%a%vz(k)] &
-        + cross([b%b%wx(k), b%b%wy(k), b%b%wz(k)], arm) &
-        - cross([b%a%wx(k), b%a%wy(k), b%a%wz(k)], point)
-    speed = dot_product(v, normal)
-  end function approach
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 
   !> One lane over the step: its row brought forward, and its works.
   pure subroutine one_contact(law, h, radius, overlap, speed, row, work)

@@ -9,7 +9,9 @@ module dem_part
   use dem_halo_state, only: cell_reals
   use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
+  use dem_additional_state, only: liquid_size
   use dem_bond_counts, only: count_broken
+  use dem_liquid_counts, only: held_liquid
   use dem_membrane, only: check_membranes, corner_stiffness, membrane_rate
   use dem_measure, only: check_overlap, fastest_grain, forces_left, wall_stiffnesses
   use dem_record_layout, only: plane_force, plane_moment, plane_impulse, plane_work
@@ -33,7 +35,8 @@ module dem_part
   integer(i4), parameter :: at_overlap = works + 1, at_limits = works + 2, at_speed = works + 5, &
     at_kinetic = works + 6, at_most = works + 7, at_exchange = works + 10, at_own = works + 11, &
     at_mirrors = works + 12, at_pairs = works + 13, at_bytes = works + 14, &
-    at_messages = works + 15, at_broken = works + 16, report_size = works + 17
+    at_messages = works + 15, at_broken = works + 16, at_liquid = works + 18, &
+    report_size = works + 17 + liquid_size
 
   !> Last report of the ranks.
   type :: rank_marks_type
@@ -107,6 +110,9 @@ contains
                                                                + part%halo%partners), &
                                        part%halo%partners]
     report(at_broken:at_broken + 1) = part%pairs%additional%broken
+    associate (l => part%pairs%additional%liquid)
+      report(at_liquid:report_size) = [l%formed, l%ruptured, l%drawn, l%returned, held_liquid(part)]
+    end associate
     do k = 1, part%planes%n
       at = report_size + plane_size*(k - 1)
       report(at + plane_force(1):at + plane_force(2)) = part%planes%force(:, k)
@@ -152,6 +158,8 @@ contains
     whole%grains%has_target = .false.
     whole%pairs%additional%broken = total(at_broken:at_broken + 1)
     call count_broken(whole%pairs%additional)
+    whole%pairs%additional%liquid = transfer(total(at_liquid:report_size), &
+                                             whole%pairs%additional%liquid)
     call take_marks(reports, total(at_kinetic), marks)
     at = report_size + plane_size*whole%planes%n + surface_reals(whole%surfaces)
     call limit_surfaces(whole%surfaces, total(at + 1:), marks%limit(1))

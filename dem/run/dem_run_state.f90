@@ -17,6 +17,7 @@ module dem_run_state
   use dem_setup, only: dem_choices_type
   use dem_clock, only: dem_clock_type
   use dem_histories, only: dem_histories_type
+  use dem_liquid, only: dem_liquid_history_type
   use dem_fields, only: dem_fields_type
   use dem_grading, only: dem_grading_type
   use dem_measures, only: dem_measures_type
@@ -51,6 +52,7 @@ module dem_run_state
     type(dem_bed_type) :: bed
     type(dem_breakage_type) :: breakage
     type(dem_grading_type) :: grading
+    type(dem_liquid_history_type) :: liquid
     type(dem_probe_type) :: probe
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields

@@ -201,7 +201,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 19, &
+    call table%add_group('contact', 22, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -314,10 +314,11 @@ contains
     call table%add_key('cohesion', 'string', '', &
       'Attraction along the normal in addition to the Hertz force: `constant`: ' &
       //'`pull_force` while the bodies overlap; `dmt`: 2 pi w R_e while they overlap; ' &
-      //'`jkr`: a neck that forms at the first touch and tears at 3/2 pi w R_e. Friction ' &
-      //'is limited by the Hertz force alone.')
+      //'`jkr`: a neck that forms at the first touch and tears at 3/2 pi w R_e; ' &
+      //'`capillary`: a bridge of liquid that forms at the first touch and breaks at its ' &
+      //'rupture distance, with any law. Friction is limited by the Hertz force alone.')
     call table%preset('none')
-    call table%allow('none|constant|dmt|jkr')
+    call table%allow('none|constant|dmt|jkr|capillary')
     call table%choice_with('dmt', 'law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
     call table%choice_with('jkr', 'law', 'hertz_mindlin|mindlin_deresiewicz|hertz_no_history')
     call table%add_key('pull_force', 'real', 'N', 'Force of the cohesion ''constant''.')
@@ -331,7 +332,33 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('cohesion', 'dmt|jkr')
+    call table%add_key('surface_tension', 'real', 'N/m', &
+      'Surface tension of the liquid of a bridge, of the cohesion ''capillary''; water ' &
+      //'has 0.072.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1e+24_wp)
+    call table%only_with('cohesion', 'capillary')
+    call table%add_key('wetting_deg', 'real', 'deg', &
+      'Angle at which the liquid meets the grains, 0 for one that wets them fully.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, max=50.0_wp)
+    call table%magnitude(0.0_wp, 50.0_wp)
+    call table%only_with('cohesion', 'capillary')
+    call group_contact_4(table)
   end subroutine group_contact_3
+
+  subroutine group_contact_4(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('bridge_volume', 'real', 'm3', &
+      'Liquid of each bridge, at most 0.003 of the cube of the smallest grain''s radius ' &
+      //'(I270). It is drawn when grains touch and goes back when the bridge breaks; ' &
+      //'`<deck>_liquid.csv` has the sums.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-36_wp, 1e+21_wp)
+    call table%only_with('cohesion', 'capillary')
+  end subroutine group_contact_4
 
   subroutine group_bond(table)
     type(key_table_type), intent(inout) :: table

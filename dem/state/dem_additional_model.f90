@@ -43,6 +43,7 @@ module dem_additional_model
     procedure(stiffness_routine), pointer, nopass :: stiffness => null() !! limits the step
     procedure(reach_routine), pointer, nopass :: reach => null()         !! of a contact
     procedure(longest_routine), pointer, nopass :: longest => null()     !! of any contact
+    procedure(fit_routine), pointer, nopass :: fit => null()             !! to the grains
     character(len=64) :: shorter = ''        !! hint: what makes its reach shorter
     integer(i4) :: reals = 0                 !! kept by a contact, 0 without it
     logical :: holds = .false.               !! over a gap, where its first real is > 0
@@ -106,5 +107,13 @@ module dem_additional_model
       real(wp), intent(in) :: radius  !! R_e [m]
       real(wp) :: gap
     end function longest_routine
+
+    !> Faults of constants that do not fit the grains.
+    subroutine fit_routine(given, least, errors)
+      import :: additional_given_type, wp, error_list_type
+      type(additional_given_type), intent(in) :: given
+      real(wp), intent(in) :: least  !! radius of the smallest grain [m]
+      type(error_list_type), intent(inout) :: errors
+    end subroutine fit_routine
   end interface
 end module dem_additional_model

@@ -9,9 +9,11 @@ module dem_additional_state
   implicit none
   private
   public :: kept_part_type, kept_places_type, dem_additional_type, dem_bond_type
+  public :: dem_liquid_type, liquid_size
   public :: part_of_law, part_of_model, kept_range, most_parts, most_laws
   public :: turning_reals, turning_knots
 
+  integer(i4), parameter :: liquid_size = 6       !! reals of dem_liquid_type
   integer(i4), parameter :: turning_knots = 26    !! knots that a contact keeps
   integer(i4), parameter :: turning_reals = 3 + 4*turning_knots  !! kept by dem_turning
 
@@ -25,6 +27,13 @@ module dem_additional_state
     logical :: given = .false.
     integer(i8), allocatable :: pairs(:, :)   !! (2, n) ids of the only ones; else all in reach
   end type dem_bond_type
+
+  !> Capillary bridges so far; of many ranks this one's part.
+  type :: dem_liquid_type
+    real(wp) :: formed = 0.0_wp, ruptured = 0.0_wp  !! bridges
+    real(wp) :: drawn = 0.0_wp, returned = 0.0_wp   !! liquid into and out of bridges [m^3]
+    real(wp) :: bridges = 0.0_wp, held = 0.0_wp     !! there now, at the last report of the ranks
+  end type dem_liquid_type
 
   !> A part of what a contact keeps.
   type :: kept_part_type
@@ -53,6 +62,7 @@ module dem_additional_state
     integer(i8) :: torn = 0, sheared = 0      !! bonds broken so far
     real(wp) :: broken(2) = 0.0_wp            !! the same; of many ranks this one's part
     integer(i8) :: lost = 0                   !! bonds that left the candidate list
+    type(dem_liquid_type) :: liquid           !! of capillary bridges
     real(wp), allocatable :: kept(:, :, :)    !! (lanes, reals, blocks)
     real(wp), allocatable :: work(:, :)       !! (additional_work_count, blocks) of this step [J]
   end type dem_additional_type

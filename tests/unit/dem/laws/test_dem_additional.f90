@@ -1,4 +1,4 @@
-!> Additional contact models: rolling, twisting, cohesion, turning points. Closed shapes,
+!> Additional contact models: rolling, twisting, cohesion, bridges, turning points. Closed shapes,
 !! ledger, and the same bits for threads, list margins and restarts.
 program test_dem_additional
   use omp_lib, only: omp_set_num_threads
@@ -9,12 +9,15 @@ program test_dem_additional
   use dem_additional_registry, only: use_model
   use dem_cohesion, only: cohesion_type, neck_radius, tear_overlap, cohesion_jkr, cohesion_dmt
   use dem_law, only: make_law
+  use dem_liquid_counts, only: held_liquid
   use dem_make, only: make_grains, make_planes
   use dem_state, only: kind_free, kind_fixed
   use dem_system, only: dem_system_type
   implicit none
   type(test_type) :: test
   real(wp), parameter :: pi = acos(-1.0_wp)
+  integer(i4), parameter :: wet = 9           !! bridges in place of a cohesion
+  real(wp), parameter :: volume = 5.0e-13_wp  !! of a bridge [m^3]
   integer(i4) :: seed = 1
   character(len=24) :: base = 'hertz_mindlin'
 
@@ -23,6 +26,9 @@ program test_dem_additional
   call check_bits(cohesion_jkr)
   call check_ledger(cohesion_jkr, 3.0e-4_wp)
   call check_ledger(cohesion_dmt, 3.0e-4_wp)
+  call check_bits(wet)
+  call check_ledger(wet, 3.0e-4_wp)
+  call check_liquid()
   call check_long_necks()
   base = 'mindlin_deresiewicz'
   call check_bits(cohesion_dmt)
@@ -71,7 +77,11 @@ contains
     s%laws(1, 1) = make_law(trim(base), s%materials(1), s%materials(1), 0.5_wp, 0.05_wp, &
                             0.05_wp)
     call use_model(s%laws(1, 1)%additional, 'rolling', [0.2_wp, 0.1_wp, 1.0_wp, 1.0_wp, 0.05_wp])
-    call use_model(s%laws(1, 1)%additional, 'cohesion', [real(cohesion, wp), 0.0_wp, energy])
+    if (cohesion == wet) then
+      call use_model(s%laws(1, 1)%additional, 'capillary', [0.072_wp, 0.2_wp, volume])
+    else
+      call use_model(s%laws(1, 1)%additional, 'cohesion', [real(cohesion, wp), 0.0_wp, energy])
+    end if
     call make_grains(s%grains, s%materials, [(int(k, i8), k=1, n)], kind, spread(1_i4, 1, n), x, &
                      q, a, v, w, errors)
     call make_planes(s%planes, reshape([-7.6e-3_wp, 0.0_wp, 0.0_wp, 7.6e-3_wp, 0.0_wp, 0.0_wp], &
@@ -155,6 +165,12 @@ contains
                                                 == transfer(again%ledger, [0_i8])))
     if (cohesion == cohesion_jkr) call test%check('necks have formed and torn', &
                                                   one%ledger%breakage > 0.0_wp)
+    if (cohesion == wet) then
+      call test%check('bridges have broken', one%pairs%additional%liquid%ruptured > 10.0_wp)
+      call test%check('liquid: same bits', &
+        all(transfer(one%pairs%additional%liquid, [0_i8]) == &
+            transfer(again%pairs%additional%liquid, [0_i8])))
+    end if
     call test%check('sliding', one%ledger%friction > 0.0_wp)
     call test%check('no faults on the way', .not. errors%any())
   end subroutine check_bits
@@ -175,6 +191,22 @@ contains
     call test%check('rolling at work', s%ledger%rolling > 0.01_wp*input)
     call test%check('cohesion stores', abs(s%ledger%elastic_other) > 0.0_wp)
   end subroutine check_ledger
+
+  !> What is drawn and not returned is held, by as many bridges as formed and did not break.
+  subroutine check_liquid()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp) :: held(2)
+    call make_heap(s, 3.0e-4_wp, wet, 0.0_wp)
+    call s%step(1200, errors)
+    held = held_liquid(s%dem_data_type)
+    associate (l => s%pairs%additional%liquid)
+      call test%check('bridges hold', held(1) > 0.5_wp .and. l%ruptured > 10.0_wp)
+      call test%check_close('as many as formed', held(1), l%formed - l%ruptured, 1.0e-9_wp)
+      call test%check_close('liquid held', held(2)/(volume*held(1)), 1.0_wp, 1.0e-12_wp)
+      call test%check_close('liquid drawn', (l%drawn - l%returned)/held(2), 1.0_wp, 1.0e-12_wp)
+    end associate
+  end subroutine check_liquid
 
   !> Necks longer than half the margin of the list are refused.
   subroutine check_long_necks()

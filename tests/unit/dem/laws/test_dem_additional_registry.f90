@@ -36,6 +36,7 @@ contains
     do k = 1, size(names)
       call test%check('place of '//trim(names(k)), find_model(trim(names(k))) == k)
     end do
+    call test%check('place of capillary', find_model('capillary') == size(names) + 1)
     do k = 1, n
       call test%check('found: '//trim(list(k)%name), find_model(trim(list(k)%name)) == k)
       call test%check('it has forces', associated(list(k)%forces))
