@@ -29,8 +29,9 @@ module dem_capillary
   real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
   integer(i4), parameter :: reals = 4  !! kept of a contact
 
-  ! constants of its own: surface tension [N/m], angle of contact, volume of a bridge [m^3]
-  integer(i4), parameter :: own_tension = 1, own_angle = 2, own_volume = 3
+  ! constants of its own: surface tension [N/m], angle of contact, volume of a bridge [m^3], 1: by
+  ! the table
+  integer(i4), parameter :: own_tension = 1, own_angle = 2, own_volume = 3, own_tabled = 4
 
 contains
 
@@ -67,6 +68,8 @@ contains
     call deck%get('contact', k, 'wetting_deg', own(own_angle))
     call deck%get('contact', k, 'bridge_volume', own(own_volume))
     own(own_angle) = own(own_angle)*degree
+    call deck%get('contact', k, 'bridge', name)
+    own(own_tabled) = merge(1.0_wp, 0.0_wp, name == 'table')
   end subroutine constants
 
   pure function bridge_of(given) result(bridge)
@@ -75,6 +78,7 @@ contains
     bridge%tension = given%own(own_tension)
     bridge%angle = given%own(own_angle)
     bridge%volume = given%own(own_volume)
+    bridge%tabled = given%own(own_tabled) > 0.5_wp
   end function bridge_of
 
   !> See forces_routine of dem_additional_model.

@@ -201,7 +201,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 22, &
+    call table%add_group('contact', 23, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -350,6 +350,12 @@ contains
 
   subroutine group_contact_4(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('bridge', 'string', '', &
+      'Pull of a bridge over the separation: `closed`: the closed form of Willett et ' &
+      //'al.; `table`: exact profiles between equal spheres, from a table.')
+    call table%preset('closed')
+    call table%allow('closed|table')
+    call table%only_with('cohesion', 'capillary')
     call table%add_key('bridge_volume', 'real', 'm3', &
       'Liquid of each bridge, at most 0.003 of the cube of the smallest grain''s radius ' &
       //'(I270). It is drawn when grains touch and goes back when the bridge breaks; ' &

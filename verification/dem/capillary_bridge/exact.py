@@ -20,6 +20,7 @@ PROFILES = (
      (3.949067e-4, 3.258413e-4, 2.619744e-4, 1.658891e-4, 7.598957e-5, 4.332351e-5, 2.825793e-5,
       1.918778e-5)),
 )  # fmt: skip
+TABLE = 2.0e-3  # cubics over 20 intervals, places between rows of the history
 APART = (0.75, 1.08)  # closed form over the profile, as published for these volumes
 BODIES = {
     "driven": "&driven ids = 2, velocity = SPEED, 0.0, 0.0 /\n",
@@ -55,7 +56,7 @@ class Bridge:
 
 def moved(
     case: Case, name: str, bridge: Bridge, axes: list, body: str = "driven", sign: float = 1.0,
-    steps: int = STEPS,
+    steps: int = STEPS, form: str = "closed",
 ) -> tuple[np.ndarray, np.ndarray, dict, dict]:  # fmt: skip
     """Move a body away from the first grain, or (sign -1) to it from within its reach.
 
@@ -70,9 +71,10 @@ def moved(
     if body != "driven":
         x, axes, kind, speed, place = x[:1], axes[:1], kind[:1], speed[:1], axes[0, 0]
     write_packing(case.folder / "pair.h5", x, axes, kind=kind, v=speed)
-    text = (case.folder / "pair.nml").read_text() + BODIES[body]
+    text = (case.folder / "pair.nml").read_text().replace("FORM", form) + BODIES[body]
+    rows = 200 if steps == STEPS else 2000
     words = {"ANGLE": bridge.angle, "VOLUME": bridge.volume, "END": end, "STEP": end / steps,
-             "ROW": end / 200, "PLACE": place + begin, "SPEED": sign * SPEED}  # fmt: skip
+             "ROW": end / rows, "PLACE": place + begin, "SPEED": sign * SPEED}  # fmt: skip
     for word, value in words.items():
         text = text.replace(word, f"{value:.15e}")
     (case.folder / f"{name}.nml").write_text(text)
@@ -110,13 +112,31 @@ def pairs(case: Case, ax: object) -> None:
         ratio = bridge.pull(np.array(places)) / np.array(pulls)
         case.above(f"{title}: least of closed form / Young and Laplace", ratio.min(), APART[0])
         case.below(f"{title}: largest of them", ratio.max(), APART[1])
-        shown = (gap >= 0) & (np.arange(len(gap)) % 6 == 1)
+        shown = (gap >= 0) & (np.arange(len(gap)) % 60 == 1)
         ax.plot(gap[shown] * 1e6, pull[shown] * 1e6, "o", ms=4, label=title)
         fine = np.linspace(0, bridge.end, 300)
         ax.plot(fine * 1e6, bridge.pull(fine) * 1e6, "k-", lw=0.8)
+        tabled(case, title, name, bridge, places, pulls)
         ax.plot(np.array(places) * 1e6, np.array(pulls) * 1e6, "k+", ms=8)
     ax.set(xlabel="separation [um]", ylabel="pull [uN]", yscale="log", ylim=(5, 600))
     ax.legend(title="+ Young and Laplace")
+
+
+def tabled(
+    case: Case, title: str, name: str, bridge: Bridge, places: tuple, pulls: tuple
+) -> None:
+    """Judge pulls of the table against profiles of Young and Laplace, and its energies."""
+    ball = [RADIUS] * 3
+    gap, pull, rows, ledger = moved(case, f"{name}_table", bridge, [ball, ball], steps=20000,
+                                    form="table")  # fmt: skip
+    lives = pull > 0
+    found = np.interp(places, gap[lives], pull[lives])
+    off = max_of(abs(found / np.array(pulls) - 1.0))
+    case.below(f"{title}, table: largest difference to Young and Laplace / pull", off, TABLE)
+    off = max_of(abs(ledger["closure_error"])) / rows["work"][-1]
+    case.below(f"{title}, table: closure / energy", off, 1e-7)
+    case.metric(f"{title}, table: lost at rupture / work", ledger["breakage"][-1]
+                / (rows["work"][-1] - pull[0] * TOUCH), 1.0, 1e-6)  # fmt: skip
 
 
 def bodies(case: Case) -> None:
