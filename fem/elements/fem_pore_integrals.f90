@@ -107,12 +107,23 @@ contains
     do b = 1, m
       associate (c => self%column(:, b))
         force = force - self%biot*p(b, 2)*c(:n)
-        gained = self%biot*dot_product(c(:n), moved) + dot_product(c(n + 1:n + m), d)
+        gained = self%biot*product_of(c(:n), moved) + dot_product(c(n + 1:n + m), d)
         run = dot_product(c(n + m + 1:n + 2*m), above) + c(n + 2*m + 2)
         flow(b) = -gained - step%dt*pervious*run
       end associate
     end do
   end subroutine flow_force
+
+  !> a . b, summed in lanes.
+  pure real(wp) function product_of(a, b) result(total)
+    real(wp), intent(in), contiguous :: a(:), b(:)
+    integer(i4) :: i
+    total = 0.0_wp
+    !$omp simd reduction(+:total)
+    do i = 1, size(a)
+      total = total + a(i)*b(i)
+    end do
+  end function product_of
 
   !> As `wet_matrix`: couplings (3 nodes, corners), and matrix of the pressures.
   pure subroutine flow_matrix(self, pervious, step, coupling, flow)
@@ -177,7 +188,7 @@ contains
     integer(i4) :: b
     strain = 0.0_wp
     do b = 1, self%corners
-      strain = strain + dot_product(self%column(:self%solid, b), u)
+      strain = strain + product_of(self%column(:self%solid, b), u)
     end do
     strain = strain/self%volume
   end function flow_strain
