@@ -59,6 +59,8 @@ contains
         /bridge_pull(bridge, radius, d), 1.0_wp, 1.0e-7_wp)
     end do
     call test%check('none at touch', abs(bridge_energy(bridge, radius, 0.0_wp)) <= 0.0_wp)
+    call test%check_close('from there on', bridge_energy(bridge, radius, 1.0e-4_wp*step) &
+      /(1.0e-4_wp*step*bridge_pull(bridge, radius, 0.0_wp)), 1.0_wp, 1.0e-6_wp)
     if (bridge%tabled) return
     d = 0.13_wp*length
     call test%check_close('steepest', (bridge_pull(bridge, radius, d) &
