@@ -223,6 +223,7 @@ def shaken(case: Case, ax: object) -> None:
     ax.plot(rows["time"] * 1e3, rows["ruptured"], "o-", ms=3, label="broken so far")
     ax.set(xlabel="time [ms]", ylabel="bridges [-]")
     ax.legend()
+    others(case, volume)
     one = field_steps(case.folder / "shaken.h5")[-1].grains
     if not case.ranks:
         case.run("talus-dem", "shaken.nml", "--output=two", ranks=2)
@@ -233,6 +234,29 @@ def shaken(case: Case, ax: object) -> None:
         case.metric("box: liquid of two ranks", max_of(abs(other["held"] - rows["held"])) / volume,
                     0.0, 1e-9)  # fmt: skip
     same_bits.judge(case, "shaken", "box, ")
+
+
+def others(case: Case, volume: float) -> None:
+    """Judge the liquid of grains in a periodic cell, and where some leave with their bridges."""
+    lines = (case.folder / "shaken.nml").read_text().splitlines(keepends=True)
+    bare = "".join(k for k in lines if not k.startswith(("&output", "&checkpoint")))
+    bodies = ("&wall", "&surface")
+    free = "".join(k for k in bare.splitlines(keepends=True) if not k.startswith(bodies))
+    sink = "&sink id = 'out', region = 'plane', point = 0.0, 0.0, 6.0e-3, normal = 0.0, 0.0, 1.0, "
+    for name, text in (
+        ("cell", free.replace("9.81", "0.0") + "&cell size = 11.0e-3, 11.0e-3, 11.0e-3 /\n"),
+        ("sink", bare + sink + "every_time = 5.0e-3, start = 8.0e-3 /\n"),
+    ):
+        (case.folder / f"{name}.nml").write_text(text)
+        case.run("talus-dem", f"{name}.nml")
+        rows = read_history(case.folder / f"{name}_liquid.csv")
+        gone = rows["formed"] - rows["ruptured"] - rows["bridges"]
+        off = max_of(abs(rows["balance"] - volume * gone)) / rows["drawn"][-1]
+        case.below(f"{name}: balance - liquid of the bridges that left, over drawn", off, 1e-12)
+        if name == "cell":
+            case.metric("cell: bridges that left", max_of(abs(gone)), 0.0, 1e-9)
+        else:
+            case.above("sink: bridges that left", gone[-1], 1.0)
 
 
 def run(case: Case) -> None:
