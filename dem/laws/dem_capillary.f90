@@ -1,6 +1,6 @@
 !> Capillary bridges: a contact model with a pull along the normal in addition to the base law, by
-!! the liquid between two grains. A bridge forms at the first touch, with a given volume, and lives
-!! until its rupture distance; then the volume goes back.
+!! the liquid between two grains. A bridge forms at the first touch, with a given volume or one in
+!! proportion to R^3, and lives until its rupture distance; then the volume goes back.
 !!
 !! Kept of a lane: 1 volume of the bridge, 0 without [m^3], 2 pull on B along the normal, below 0
 !! [N], 3 separation of the surfaces [m], 4 R = 2 R_e [m].
@@ -30,8 +30,9 @@ module dem_capillary
   integer(i4), parameter :: reals = 4  !! kept of a contact
 
   ! constants of its own: surface tension [N/m], angle of contact, volume of a bridge [m^3], 1: by
-  ! the table
-  integer(i4), parameter :: own_tension = 1, own_angle = 2, own_volume = 3, own_tabled = 4
+  ! the table, volume over R^3 where no volume is given
+  integer(i4), parameter :: own_tension = 1, own_angle = 2, own_volume = 3, own_tabled = 4, &
+    own_ratio = 5
 
 contains
 
@@ -66,18 +67,29 @@ contains
     if (.not. acts) return
     call deck%get('contact', k, 'surface_tension', own(own_tension))
     call deck%get('contact', k, 'wetting_deg', own(own_angle))
-    call deck%get('contact', k, 'bridge_volume', own(own_volume))
+    if (deck%given('contact', k, 'bridge_volume')) then
+      call deck%get('contact', k, 'bridge_volume', own(own_volume))
+    else if (deck%given('contact', k, 'bridge_ratio')) then
+      call deck%get('contact', k, 'bridge_ratio', own(own_ratio))
+    else
+      call deck%fault(errors, 'D370', 'a capillary bridge without liquid', 'contact', k, &
+        'cohesion', 'give bridge_volume [m3], or bridge_ratio, the volume over the cube of R')
+    end if
     own(own_angle) = own(own_angle)*degree
     call deck%get('contact', k, 'bridge', name)
     own(own_tabled) = merge(1.0_wp, 0.0_wp, name == 'table')
   end subroutine constants
 
-  pure function bridge_of(given) result(bridge)
+  !> The bridge of a contact of radius R that keeps a volume, or 0 where it would form.
+  pure function bridge_of(given, radius, kept) result(bridge)
     type(additional_given_type), intent(in) :: given
+    real(wp), intent(in) :: radius  !! R [m]
+    real(wp), intent(in) :: kept    !! [m^3]
     type(bridge_type) :: bridge
     bridge%tension = given%own(own_tension)
     bridge%angle = given%own(own_angle)
-    bridge%volume = given%own(own_volume)
+    bridge%volume = given%own(own_volume) + given%own(own_ratio)*radius**3
+    if (kept > 0.0_wp) bridge%volume = kept
     bridge%tabled = given%own(own_tabled) > 0.5_wp
   end function bridge_of
 
@@ -92,7 +104,6 @@ contains
     real(wp) :: row(reals), normal(3), point(3), radius, speed, part(2)
     integer(i4) :: k, event
 
-    bridge = bridge_of(given)
     do k = 1, lanes
       if (b%gap(k) >= 0.0_wp .and. .not. kept(k, 1) > 0.0_wp) cycle
       if (given%round) then
@@ -103,6 +114,7 @@ contains
       call place_of_contact(b, given%law%share, k, normal, point)
       speed = speed_of_contact(b, k, point, normal)
       row = kept(k, :)
+      bridge = bridge_of(given, min(radius, most_radius(b, k, point)), row(1))
       call one_contact(bridge, radius, b%gap(k), given%h*speed, row, part, event)
       kept(k, :) = row
       call add_pull(b, k, point, given%weight(k)*row(2)*normal)
@@ -111,6 +123,15 @@ contains
       call count_event(event, given%weight(k), bridge%volume, works)
     end do
   end subroutine forces
+
+  !> Twice the distance of the contact point from the farther centre: what R can be between spheres
+  !! and on planes. Flat faces get no more liquid.
+  pure real(wp) function most_radius(b, k, point) result(radius)
+    type(dem_block_type), intent(in) :: b
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: point(3)  !! from the centre of A [m]
+    radius = 2.0_wp*max(norm2(point), norm2(point - [b%rx(k), b%ry(k), b%rz(k)]))
+  end function most_radius
 
   !> One lane over a step in which the bodies part by `moved`: its row brought forward, its works;
   !! event: 1 a bridge formed, -1 it broke.
@@ -166,12 +187,11 @@ contains
   pure real(wp) function energy(given, kept)
     type(additional_given_type), intent(in) :: given
     real(wp), intent(in) :: kept(:, :)
-    type(bridge_type) :: bridge
     integer(i4) :: k
-    bridge = bridge_of(given)
     energy = 0.0_wp
     do k = 1, lanes
-      energy = energy + given%weight(k)*energy_of(bridge, kept(k, :))
+      energy = energy + given%weight(k)*energy_of(bridge_of(given, kept(k, 4), kept(k, 1)), &
+                                                  kept(k, :))
     end do
   end function energy
 
@@ -181,7 +201,8 @@ contains
     real(wp), intent(in) :: kept(:)
     real(wp) :: of_contact(2)
     of_contact = 0.0_wp
-    if (kept(1) > 0.0_wp) of_contact(1) = bridge_stiffness(bridge_of(given), kept(4))
+    if (kept(1) > 0.0_wp) of_contact(1) = bridge_stiffness(bridge_of(given, kept(4), kept(1)), &
+                                                           kept(4))
   end function stiffness
 
   !> Gap up to which a bridge holds, whatever its radius becomes [m].
@@ -189,14 +210,14 @@ contains
     type(additional_given_type), intent(in) :: given
     real(wp), intent(in) :: kept(:)
     reach = 0.0_wp
-    if (kept(1) > 0.0_wp) reach = longest_bridge(bridge_of(given))
+    if (kept(1) > 0.0_wp) reach = longest_bridge(bridge_of(given, kept(4), kept(1)))
   end function reach
 
-  !> The same of any bridge [m].
+  !> The same of any bridge: R is largest on a plane, twice the radius of the grain [m].
   pure real(wp) function longest(given, radius)
     type(additional_given_type), intent(in) :: given
     real(wp), intent(in) :: radius
-    longest = longest_bridge(bridge_of(given))
+    longest = longest_bridge(bridge_of(given, 2.0_wp*radius, 0.0_wp))
   end function longest
 
   !> Bridges so large that they would meet are refused (I270).

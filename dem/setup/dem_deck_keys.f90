@@ -201,7 +201,7 @@ contains
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('contact', 23, &
+    call table%add_group('contact', 24, &
       'Contact law of a pair of materials. Every pair that can meet needs one; the ' &
       //'order of the two names does not matter.', repeats=.true., required=.true.)
     call table%add_key('between', 'string', '', &
@@ -359,10 +359,17 @@ contains
     call table%add_key('bridge_volume', 'real', 'm3', &
       'Liquid of each bridge, at most 0.003 of the cube of the smallest grain''s radius ' &
       //'(I270). It is drawn when grains touch and goes back when the bridge breaks; ' &
-      //'`<deck>_liquid.csv` has the sums.')
-    call table%need()
+      //'`<deck>_liquid.csv` has the sums. Give this or bridge_ratio.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-36_wp, 1e+21_wp)
+    call table%only_with('cohesion', 'capillary')
+    call table%excludes('bridge_ratio')
+    call table%add_key('bridge_ratio', 'real', '', &
+      'Liquid of a bridge over the cube of R as it forms, R twice the effective radius ' &
+      //'of the contact: between equal spheres their own radius. For gradings: small ' &
+      //'grains then have small bridges.')
+    call table%bounds(max=0.003_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 0.003_wp)
     call table%only_with('cohesion', 'capillary')
   end subroutine group_contact_4
 

@@ -9,6 +9,7 @@ from talus.verification import Case, field_steps, read_history, write_packing
 RADIUS, TENSION, SPEED, TOUCH = 1.0e-3, 0.072, 0.01, 1.0e-9
 MASS = 2650.0 * 4.0 / 3.0 * np.pi * RADIUS**3
 STEPS, EXACT = 4000, 1.0e-10
+RATIO = 1.0e-3  # V/R3
 SETTLED = 4.5e-3  # overlap over diameter at which Hertz and bridge balance, about
 # angle [deg] and volume [m3], separations [m], pulls of the profiles of Young and Laplace [N]
 PROFILES = (
@@ -56,7 +57,7 @@ class Bridge:
 
 def moved(
     case: Case, name: str, bridge: Bridge, axes: list, body: str = "driven", sign: float = 1.0,
-    steps: int = STEPS, form: str = "closed",
+    steps: int = STEPS, form: str = "closed", ratio: float = 0.0,
 ) -> tuple[np.ndarray, np.ndarray, dict, dict]:  # fmt: skip
     """Move a body away from the first grain, or (sign -1) to it from within its reach.
 
@@ -72,6 +73,8 @@ def moved(
         x, axes, kind, speed, place = x[:1], axes[:1], kind[:1], speed[:1], axes[0, 0]
     write_packing(case.folder / "pair.h5", x, axes, kind=kind, v=speed)
     text = (case.folder / "pair.nml").read_text().replace("FORM", form) + BODIES[body]
+    if ratio:
+        text = text.replace("bridge_volume = VOLUME", f"bridge_ratio = {ratio}")
     rows = 200 if steps == STEPS else 2000
     words = {"ANGLE": bridge.angle, "VOLUME": bridge.volume, "END": end, "STEP": end / steps,
              "ROW": end / rows, "PLACE": place + begin, "SPEED": sign * SPEED}  # fmt: skip
@@ -155,6 +158,15 @@ def bodies(case: Case) -> None:
     for name, body, axes, radius in runs:
         bridge = Bridge(10.0, 1.0e-13, radius)
         gap, pull, _, _ = moved(case, name, bridge, axes, body)
+        curve(case, name, bridge, gap, pull)
+    # in proportion: spheres of 1 and 2 mm have R = 4/3 mm; a flat face no more than a plane
+    flat = [0.5e-3, 2.0e-3, 2.0e-3]
+    for name, axes, radius, size in (
+        ("ratio", [ball, large], 4.0 / 3.0 * RADIUS, 4.0 / 3.0 * RADIUS),
+        ("ratio, faces", [flat, flat], 8.0e-3, 1.0e-3 - TOUCH),  # twice the way to the touch
+    ):
+        bridge = Bridge(10.0, RATIO * size**3, radius)
+        gap, pull, _, _ = moved(case, name.replace(", ", "_"), bridge, axes, ratio=RATIO)
         curve(case, name, bridge, gap, pull)
     bridge = Bridge(10.0, 1.0e-13)
     gap, pull, _, _ = moved(case, "approach", bridge, [ball, ball], sign=-1.0)
