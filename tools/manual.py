@@ -2,9 +2,9 @@
 
 Usage: manual.py [--out build/manual] [--verification build/verification]
 Pages are manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
-files, the error chapter from the errors.toml files, the verification chapter from the summary
-of the last `make verification` (or of the quick cases that `make test` ran) and what the tests
-noticed of faults put in (`make mutants ACCEPT=1`).
+files, the error chapter from the errors.toml files, the chapters of verification and validation
+from the summary of the last `make verification` (or of the quick cases that `make test` ran) and
+what the tests noticed of faults put in (`make mutants ACCEPT=1`).
 Formulas between $...$ and $$...$$ become MathML; a label behind the latter, {D.12}, goes to the
 margin.
 """
@@ -64,6 +64,7 @@ ORDER += [
     "theory-overlap",
     "port",
     "verification",
+    "validation",
     "speed",
     "errors",
     "extending",
@@ -74,6 +75,7 @@ ORDER += [
     "release-0.2.0",
     "glossary",
 ]
+VALIDATION = "validation"  # the area of cases, and the page, that compare with experiments
 # a displayed formula and its label, as in $$ a = b $$ {D.12}
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$(?: \{([A-Z]\.\d+)\})?", flags=re.S)
 STYLE = """
@@ -161,10 +163,11 @@ def verification_page(folder: Path, out: Path) -> str:
             [*lines, "No results yet: run `make verification`, then `make manual`.", ""]
         )
     data = json.loads(summary.read_text())
-    cases = data["cases"]
+    cases = [case for case in data["cases"] if case.get("area") != VALIDATION]
     failed = [case for case in cases if not case["pass"]]
     lines += [f"{len(cases)} cases, {len(failed)} failing; version {data.get('version', '?')}."]
     lines += ["Cases that fail are in red; nothing is tuned to pass.", ""]
+    lines += ["Experiments are in a chapter of their own: [validation](validation.md).", ""]
     for area in ["dem", "fem", "couple"]:
         chosen = [case for case in cases if case.get("area") == area]
         if chosen:
@@ -172,6 +175,32 @@ def verification_page(folder: Path, out: Path) -> str:
         for case in chosen:
             lines += case_lines(case, folder, out)
     return "\n".join(lines)
+
+
+def validation_lines(folder: Path, out: Path) -> str:
+    """Return a table of the experiments and a section on each; those not run are there, too."""
+    summary = folder / "summary.json"
+    cases = json.loads(summary.read_text())["cases"] if summary.exists() else []
+    results = {case["id"]: case for case in cases if case.get("area") == VALIDATION}
+    table = ["", "| experiment | source | metrics | outside the band |", "|---|---|---|---|"]
+    lines = []
+    for path in sorted((ROOT / "verification" / VALIDATION).glob("*/case.toml")):
+        facts = tomllib.loads(path.read_text())
+        case = results.get(facts["id"])
+        judged = ["not run", ""]
+        if case:
+            missed = [cell(m["metric"]) for m in case["metrics"] if not m["pass"]]
+            missed += [cell(case["error"])] if case.get("error") else []
+            judged = [str(len(case["metrics"])), "; ".join(missed) or "none"]
+        table.append("| " + " | ".join([facts["title"], cell(facts["source"]), *judged]) + " |")
+        lines += case_lines(case, folder, out) if case else not_run(facts, path.parent)
+    return "\n".join([*table, "", *lines])
+
+
+def not_run(facts: dict, folder: Path) -> list[str]:
+    """Return the section of an experiment that was not run: its page as it is in the repository."""
+    page = re.sub(r"^# .*\n", "", (folder / "README.md").read_text(), count=1)
+    return [f"### {facts['title']} ({facts['id']}) <span>not run</span>", "", page, ""]
 
 
 def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
@@ -239,6 +268,7 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     pages["errors"] = errors_page()
     pages["verification"] = verification_page(verification, out)
     pages["verification"] += noticed_faults(ROOT / "manual/mutants.csv")
+    pages[VALIDATION] += validation_lines(verification, out)
     pages["speed"] += speed_results(ROOT / "manual/speed.csv", out)
     return pages
 
