@@ -12,7 +12,7 @@ COUNT, LONG = 226080, 0.36  # beads, length of the drum of the experiment [m]
 PITCH = 1.05 * D
 WIDTH = 4.0 * PITCH  # of the slice [m]
 TILT = 22.0  # of gravity while the beads settle [deg]: below the slope that is expected
-T_END, STEADY = 2.4, 1.2  # [s]
+T_END, STEADY = 2.0, 1.0  # [s]
 SLOPE, BAND = 27.0, 2.0  # measured [deg]
 
 
