@@ -44,13 +44,18 @@ class Drum:
         write_h5(path, beads)
 
     def write_ribs(self, path: Path) -> None:
-        """Write radial ribs inside the drum, one every two beads, as an STL."""
+        """Write radial ribs inside the drum, one every two beads, as an STL.
+
+        They leave a gap of less than a bead to their images across the periodic faces.
+        """
         number = round(np.pi * self.radius / self.bead)
-        along = np.array([0.0, self.width, 0.0])
+        near = np.array([0.0, 0.05 * self.width, 0.0])
+        along = np.array([0.0, 0.9 * self.width, 0.0])
         lines = ["solid ribs"]
         for angle in 2.0 * np.pi * np.arange(number) / number:
             out = np.array([np.sin(angle), 0.0, np.cos(angle)])
-            foot, top = self.radius * out, (self.radius - self.rib * self.bead) * out
+            foot = near + self.radius * out
+            top = near + (self.radius - self.rib * self.bead) * out
             for corners in ((foot, top, top + along), (foot, top + along, foot + along)):
                 lines += ["facet normal 0 0 0", "outer loop"]
                 lines += ["vertex " + " ".join(f"{value:.9g}" for value in x) for x in corners]

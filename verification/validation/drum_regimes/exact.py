@@ -6,7 +6,7 @@ from drum import Drum
 from talus.compare import extent, max_of
 from talus.verification import Case, field_steps, read_history
 
-D, SPREAD, GRAVITY = 3.0e-3, 0.1, 9.81  # of the beads [m], [-]; [m/s2]
+D, SPREAD, GRAVITY = 3.0e-3, 0.04, 9.81  # of the beads [m], [-]; [m/s2]
 RADIUS = 15.0 * D  # of the drum [m]
 DRUM = Drum(RADIUS, D, int(0.5 * 0.6 * np.pi * RADIUS**2 * 4.2 * D / (np.pi / 6.0 * D**3)), 20.0)
 RUNS = {0.001: 2.4, 0.01: 1.4, 0.05: 1.2, 0.3: 1.2, 2.0: 1.4}  # Froude number: time [s]
