@@ -1,4 +1,4 @@
-"""A slice of a drum, periodic along its axis y: beads, ribs, and the surface that they keep."""
+"""A slice of a drum between smooth ends, axis y: beads, ribs, the surface that they keep."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -44,13 +44,10 @@ class Drum:
         write_h5(path, beads)
 
     def write_ribs(self, path: Path) -> None:
-        """Write radial ribs inside the drum, one every two beads, as an STL.
-
-        They leave a gap of less than a bead to their images across the periodic faces.
-        """
+        """Write radial ribs inside the drum, one every two beads, as an STL; they pass the ends."""
         number = round(np.pi * self.radius / self.bead)
-        near = np.array([0.0, 0.05 * self.width, 0.0])
-        along = np.array([0.0, 0.9 * self.width, 0.0])
+        near = np.array([0.0, -0.2 * self.width, 0.0])
+        along = np.array([0.0, 1.4 * self.width, 0.0])
         lines = ["solid ribs"]
         for angle in 2.0 * np.pi * np.arange(number) / number:
             out = np.array([np.sin(angle), 0.0, np.cos(angle)])
