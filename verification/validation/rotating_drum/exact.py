@@ -39,6 +39,8 @@ def run(case: Case) -> None:
                 "measured 30 mm")  # fmt: skip
     compare(case, found, measured)
     case.metric("slope, second half less first half [deg]", slopes[2][0] - slopes[1][0], 0.0, 1.0)
+    case.metric("net flow of volume through the middle / upward flow",
+                net_flow(steps, slope), 0.0, 0.05, "added after the first runs")  # fmt: skip
     judge(case, steps[-1])
     draw(case, steps, found, (slope, offset))
 
@@ -59,6 +61,19 @@ def profile(steps: list[Step], slope: float) -> np.ndarray:
     total = np.histogram(place, edges, weights=speed)[0]
     good = count > 0.2 * np.median(count[: len(count) // 2])  # not the few above the surface
     return np.column_stack([total[good] / count[good], 0.5 * (edges[1:] + edges[:-1])[good]])
+
+
+def net_flow(steps: list[Step], slope: float) -> float:
+    """Net flow of the beads' volume through the middle of the slope, over its upward part."""
+    angle = np.radians(slope)
+    down = np.array([np.cos(angle), 0.0, -np.sin(angle)])
+    flow = [0.0, 0.0]
+    for step in steps:
+        near = np.abs(step.grains["x"] @ down) < 1.5 * D
+        rate = step.grains["axes"][near, 0] ** 3 * (step.grains["v"][near] @ down)
+        flow[0] += float(np.maximum(rate, 0.0).sum())
+        flow[1] -= float(np.minimum(rate, 0.0).sum())
+    return flow[0] / flow[1] - 1.0
 
 
 def zero_of(rows: np.ndarray) -> float:
