@@ -11,7 +11,7 @@ module dem_population
   use dem_make, only: is_prescribed, prescribe_some
   use dem_membrane_forces, only: share_anew
   use dem_migrate, only: pack_grains, make_local
-  use dem_pairs, only: build_pairs
+  use dem_pairs, only: build_pairs, restore_normals
   use dem_prescribed, only: put_body
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_record_layout, only: touch_grain, at_body, at_first_id, at_second_id
@@ -85,8 +85,7 @@ contains
     call refresh_stored(d, d%ledger_dt, before)
     call exchange_grains(d, leaving, rows_of(entering, d%grains%shapes%in_use))
     call find_forces(d)
-    change = gain(d, before)
-    call refresh_stored(d, d%ledger_dt, now)
+    change = gain(d, before, now)
     d%ledger%fines = d%ledger%fines + before%kinetic - now%kinetic
     d%ledger%released = d%ledger%released - change - (before%kinetic - now%kinetic)
     if (entering%n > 0) d%last_id = max(d%last_id, maxval(entering%id))
@@ -152,30 +151,30 @@ contains
     if (any(is_prescribed(kind))) call prescribe_some(d%grains)
   end subroutine change_kinds
 
-  !> Forces of the new list; no work is done, as no time passes. It is made once more, so that pairs
-  !! without contact begin the next step as they do on ranks that get their parts of the system:
-  !! without the normals found now.
+  !> Forces of the new list; no work is done, as no time passes. Pairs without contact begin the
+  !! next step as they do on ranks that get their parts of the system: with the normals of the list,
+  !! not those found now.
   subroutine find_forces(d)
     type(dem_data_type), intent(inout) :: d
     type(dem_ledger_type) :: before
-    logical :: kept
+    real(wp), allocatable :: normal(:, :, :)
     before = d%ledger
+    allocate (normal, source=d%pairs%normal)
     call evaluate_forces(d, 0.0_wp)
     d%ledger = before
-    kept = d%pairs%keep_results
-    d%pairs%keep_results = .true.
-    call build_pairs(d%pairs, d%grains, d%planes, d%weights, d%par%ghost_pairs, d%cell)
-    d%pairs%keep_results = kept
+    call restore_normals(d%pairs, normal)
     if (d%surfaces%n > 0) call list_near(d)
   end subroutine find_forces
 
   !> Kinetic and elastic energy more than before [J]. What steps leave out of it is no energy of the
   !! grains: the start of the ledger moves along.
-  real(wp) function gain(d, before)
+  real(wp) function gain(d, before, after)
     type(dem_data_type), intent(inout) :: d
     type(dem_ledger_type), intent(in) :: before
+    type(dem_ledger_type), intent(out), optional :: after  !! what is stored now
     type(dem_ledger_type) :: now
     call refresh_stored(d, d%ledger_dt, now)
+    if (present(after)) after = now
     d%ledger%start = d%ledger%start - (now%staggering - before%staggering)
     gain = content(now) + now%staggering - (content(before) + before%staggering)
   end function gain
