@@ -187,23 +187,33 @@ contains
   subroutine renew_limits(self, d)
     class(dem_breakage_type), intent(inout) :: self
     type(dem_data_type), intent(in) :: d
+    real(wp), allocatable :: limit(:)
     real(wp) :: size_of
-    integer(i4) :: i, k, criterion(size(self%group))
-    if (allocated(self%known)) then
-      if (size(self%known) == d%grains%n) then
-        if (all(self%known == d%grains%id)) return
-      end if
+    integer(i4) :: i, j, k, criterion(size(self%group))
+
+    if (.not. allocated(self%known)) allocate (self%known(0), self%limit(0))
+    if (size(self%known) == d%grains%n) then
+      if (all(self%known == d%grains%id)) return
     end if
-    self%known = d%grains%id
-    if (allocated(self%limit)) deallocate (self%limit)
-    allocate (self%limit(d%grains%n), source=huge(1.0_wp))
+    allocate (limit(d%grains%n), source=huge(1.0_wp))
+    j = 1
     do i = 1, d%grains%n
       k = self%group(d%grains%material(i))
       if (k == 0 .or. d%grains%kind(i) /= kind_free) cycle
+      do while (j < size(self%known))
+        if (self%known(j) >= d%grains%id(i)) exit
+        j = j + 1
+      end do
+      if (j <= size(self%known)) then
+        if (self%known(j) == d%grains%id(i)) limit(i) = self%limit(j)
+      end if
+      if (limit(i) < huge(1.0_wp)) cycle
       size_of = diameter_of(d, i)
       if (size_of > self%item(k)%smallest) &
-        self%limit(i) = self%item(k)%strength_of(d%grains%id(i), size_of)
+        limit(i) = self%item(k)%strength_of(d%grains%id(i), size_of)
     end do
+    call move_alloc(limit, self%limit)
+    self%known = d%grains%id
     criterion = 0
     do k = 1, size(self%item)
       criterion(self%item(k)%material) = self%item(k)%criterion
@@ -217,7 +227,7 @@ contains
     class(dem_breakage_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
     integer(i4), allocatable, intent(out) :: order(:)
-    integer(i4), allocatable :: some(:), pair(:, :)
+    integer(i4), allocatable :: some(:), start(:), partner(:)
     logical :: breaks(d%grains%n)
     integer(i4) :: i, k
 
@@ -229,25 +239,13 @@ contains
     call sort_by_ratio(self%found%stress/self%limit, some)
     breaks = .false.
     breaks(some) = .true.
-    pair = touching_pairs(d, breaks)
+    call find_partners(d, breaks, start, partner)
     breaks = .false.
     do k = 1, size(some)
-      breaks(some(k)) = .not. waits(some(k))
+      i = some(k)
+      breaks(i) = .not. any(breaks(partner(start(i):start(i + 1) - 1)))
     end do
     order = pack(some, breaks(some))
-
-  contains
-
-    !> Does a grain touch one that breaks?
-    pure logical function waits(i)
-      integer(i4), intent(in) :: i
-      integer(i4) :: j
-      waits = .false.
-      do j = 1, size(pair, 2)
-        if (pair(1, j) == i) waits = waits .or. breaks(pair(2, j))
-        if (pair(2, j) == i) waits = waits .or. breaks(pair(1, j))
-      end do
-    end function waits
   end subroutine choose
 
   !> Grains by falling ratio; equal ones stay in their order.
@@ -267,23 +265,36 @@ contains
     end do
   end subroutine sort_by_ratio
 
-  !> Contacts between marked grains.
-  pure function touching_pairs(d, marked) result(pair)
+  !> Marked grains that touch each other: those of grain i from start(i) to start(i + 1) - 1.
+  pure subroutine find_partners(d, marked, start, partner)
     type(dem_data_type), intent(in) :: d
     logical, intent(in) :: marked(:)
-    integer(i4), allocatable :: pair(:, :)
-    integer(i4) :: k, lane, i, j
-    allocate (pair(2, 0))
-    do k = 1, d%pairs%grain_blocks
-      if (.not. d%pairs%touched(k)) cycle
-      do lane = 1, lanes
-        if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
-        i = d%pairs%grain(d%pairs%first(lane, k))
-        j = d%pairs%grain(d%pairs%second(lane, k))
-        if (marked(i) .and. marked(j)) pair = reshape([pair, i, j], [2, size(pair, 2) + 1])
+    integer(i4), allocatable, intent(out) :: start(:), partner(:)
+    integer(i4) :: round, k, lane, i, j, next(size(marked))
+
+    allocate (start(size(marked) + 1), source=0_i4)
+    do round = 1, 2
+      next = start(:size(marked))
+      do k = 1, d%pairs%grain_blocks
+        if (.not. d%pairs%touched(k)) cycle
+        do lane = 1, lanes
+          if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
+          i = d%pairs%grain(d%pairs%first(lane, k))
+          j = d%pairs%grain(d%pairs%second(lane, k))
+          if (.not. (marked(i) .and. marked(j))) cycle
+          if (round == 2) partner([next(i), next(j)]) = [j, i]
+          next(i) = next(i) + 1
+          next(j) = next(j) + 1
+        end do
       end do
+      if (round == 2) return
+      start(1) = 1
+      do k = 1, size(marked)
+        start(k + 1) = start(k) + next(k)
+      end do
+      allocate (partner(start(size(start)) - 1), source=0_i4)
     end do
-  end function touching_pairs
+  end subroutine find_partners
 
   !> They leave, their fragments enter; sums and rows of the events follow.
   subroutine break_grains(self, system, order, time, errors)

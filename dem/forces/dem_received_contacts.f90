@@ -1,7 +1,7 @@
 !> Contacts received from elsewhere, stored as the last list: the next list inherits normals and
 !! history from them as from its own.
 module dem_received_contacts
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use dem_state, only: dem_data_type, lanes, history_size, entries_ahead
   use dem_cell, only: is_periodic
   use dem_forces, only: sum_body
@@ -13,6 +13,8 @@ module dem_received_contacts
   private
   public :: receive_contacts, give_results
 
+  integer(i4), parameter :: most_gaps = 4  !! ids a contact, for a table of them
+
 contains
 
   !> Contacts as the last list of d; those with a body that is not in d are left out.
@@ -23,11 +25,7 @@ contains
     integer(i4) :: k, m, at, lane, block
     integer(i4), allocatable :: fill(:)
 
-    allocate (first(size(contact, 2)), second(size(contact, 2)))
-    do k = 1, size(contact, 2)
-      first(k) = index_of(d, contact(at_first_id, k))
-      second(k) = index_of(d, contact(at_second_id, k))
-    end do
+    call find_bodies(d, contact, first, second)
     if (is_periodic(d%cell)) call name_images(d%pairs, d%grains%n, shifts_of(contact), second)
     m = size(first)
     call make_room(d, (m + lanes - 1)/lanes)
@@ -55,6 +53,46 @@ contains
       end do
     end associate
   end subroutine receive_contacts
+
+  !> Bodies of contacts, 0 for those not known here. Where ids leave few gaps a table gives them.
+  subroutine find_bodies(d, contact, first, second)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: contact(:, :)  !! rows of dem_records, as columns
+    integer(i4), allocatable, intent(out) :: first(:), second(:)
+    integer(i4), allocatable :: body(:)    !! of an id
+    integer(i8) :: least, most
+    integer(i4) :: k
+
+    allocate (first(size(contact, 2)), second(size(contact, 2)))
+    least = 1
+    most = 0
+    if (d%grains%n > 0) then
+      least = d%grains%id(1)
+      most = d%grains%id(d%grains%n)
+    end if
+    if (most - least < int(most_gaps, i8)*size(contact, 2)) then
+      allocate (body(least:most), source=0_i4)
+      do k = 1, d%grains%n
+        body(d%grains%id(k)) = k
+      end do
+    end if
+    do k = 1, size(contact, 2)
+      first(k) = found(contact(at_first_id, k))
+      second(k) = found(contact(at_second_id, k))
+    end do
+
+  contains
+
+    pure integer(i4) function found(id)
+      real(wp), intent(in) :: id
+      if (id < 0.0_wp .or. .not. allocated(body)) then
+        found = index_of(d, id)
+        return
+      end if
+      found = 0
+      if (nint(id, i8) >= least .and. nint(id, i8) <= most) found = body(nint(id, i8))
+    end function found
+  end subroutine find_bodies
 
   !> Shift of the second grain of each contact, in edges of the cell.
   pure function shifts_of(contact) result(shift)
@@ -89,15 +127,15 @@ contains
   subroutine give_results(d, contact)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: contact(:, :)
-    integer(i4) :: k, first, second, slot
+    integer(i4), allocatable :: first(:), second(:)
+    integer(i4) :: k, slot
     real(wp) :: force(3), moment(3)
+    call find_bodies(d, contact, first, second)
     do k = 1, size(contact, 2)
-      first = index_of(d, contact(at_first_id, k))
-      second = index_of(d, contact(at_second_id, k))
-      if (first == 0 .or. second == 0) cycle
+      if (first(k) == 0 .or. second(k) == 0) cycle
       if (d%pairs%images > 0) &
-        second = image_of(d%pairs, d%grains%n, second, shift_of(contact(:, k)))
-      slot = slot_of(d%pairs, first, second)
+        second(k) = image_of(d%pairs, d%grains%n, second(k), shift_of(contact(:, k)))
+      slot = slot_of(d%pairs, first(k), second(k))
       if (slot == 0) cycle
       call unpack_result(contact(:, k), d, slot)
     end do

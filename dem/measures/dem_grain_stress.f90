@@ -32,6 +32,7 @@ module dem_grain_stress
     real(wp), allocatable :: tensor(:, :)  !! (6, grains) sum f r, if asked for [J]
     real(wp), allocatable :: force_below(:)     !! (grains) forces of no interest [N]
     real(wp), allocatable :: pressure_below(:)  !! (grains) contact pressures of no interest [Pa]
+    real(wp), allocatable :: load_below(:)      !! (grains) sums of forces of no interest [N]
   end type grain_stress_type
 
   !> A contact as one of its grains sees it.
@@ -53,6 +54,7 @@ contains
     integer(i4) :: k, i
 
     call make_room(found, d%grains%n, any(criterion == criterion_octahedral))
+    if (any(criterion == criterion_octahedral)) call spare_lightly_loaded(d, criterion, found)
     do k = 1, d%pairs%blocks
       if (.not. d%pairs%touched(k)) cycle
       if (criterion(block_material(d, k)) + criterion(d%pairs%law_second(k)) == 0) cycle
@@ -62,6 +64,7 @@ contains
     if (.not. any(criterion == criterion_octahedral)) return
     do i = 1, d%grains%n
       if (criterion(d%grains%material(i)) /= criterion_octahedral) cycle
+      if (.not. any(abs(found%tensor(:, i)) > 0.0_wp)) cycle
       found%stress(i) = octahedral_of(found%tensor(:, i), d%grains%axes(:, i))
     end do
   end subroutine find_stresses
@@ -99,6 +102,59 @@ contains
     end do
   end subroutine add_block
 
+  !> Grains that all their forces together would leave below their strength, whatever their
+  !! directions, are passed over in this look.
+  subroutine spare_lightly_loaded(d, criterion, found)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: criterion(:)  !! (materials) criterion_...
+    type(grain_stress_type), intent(inout) :: found
+    real(wp) :: load(d%grains%n)
+    integer(i4) :: k, g, i
+
+    if (.not. allocated(found%load_below)) return
+    load = 0.0_wp
+    do k = 1, d%pairs%blocks
+      if (.not. d%pairs%touched(k)) cycle
+      if (criterion(block_material(d, k)) == criterion_octahedral .or. &
+          criterion(d%pairs%law_second(k)) == criterion_octahedral) call add_sizes(d, k, load)
+    end do
+    do g = 1, d%surfaces%list%near
+      if (d%surfaces%list%contacts(g) > 0) load(d%surfaces%list%near_grain(g)) = huge(1.0_wp)
+    end do
+    do i = 1, d%grains%n
+      if (criterion(d%grains%material(i)) /= criterion_octahedral) cycle
+      found%force_below(i) = merge(huge(1.0_wp), 0.0_wp, load(i) <= found%load_below(i))
+    end do
+  end subroutine spare_lightly_loaded
+
+  !> Sizes of the forces of a block's contacts to the sums of their grains [N]; those of laws with a
+  !! response of their own are not known here.
+  pure subroutine add_sizes(d, k, load)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k
+    real(wp), intent(inout) :: load(:)
+    real(wp) :: size_of(lanes), side(lanes), hertz, kn
+    integer(i4) :: lane, i, j
+
+    associate (law => d%laws(d%pairs%law_first(k), d%pairs%law_second(k)), &
+               h => d%pairs%history(:, :, k))
+      hertz = 4.0_wp/3.0_wp*law%e_star
+      kn = law%kn
+      side = h(:, history_side)
+      size_of = (hertz*h(:, history_root)*side + kn)*side*side &
+                + sqrt(h(:, 1)**2 + h(:, 2)**2 + h(:, 3)**2)
+      size_of = size_of*d%pairs%weight(:, min(k, size(d%pairs%weight, 2)))
+      if (associated(law%base%response)) size_of = huge(1.0_wp)/real(lanes*d%grains%n, wp)
+    end associate
+    do lane = 1, lanes
+      if (.not. side(lane) > 0.0_wp) cycle
+      i = d%pairs%first(lane, k)
+      j = d%pairs%grain(d%pairs%second(lane, k))
+      if (i <= d%grains%n) load(i) = load(i) + size_of(lane)
+      load(j) = load(j) + size_of(lane)
+    end do
+  end subroutine add_sizes
+
   !> Is a force of no interest to a body? Planes are behind the grains.
   pure logical function is_safe(i, force, patch, found)
     integer(i4), intent(in) :: i
@@ -119,8 +175,10 @@ contains
     real(wp) :: axes(3)
     integer(i4) :: i
 
-    if (allocated(found%force_below)) deallocate (found%force_below, found%pressure_below)
-    allocate (found%force_below(d%grains%n), found%pressure_below(d%grains%n), source=huge(1.0_wp))
+    if (allocated(found%force_below)) deallocate (found%force_below, found%pressure_below, &
+                                                 found%load_below)
+    allocate (found%force_below(d%grains%n), found%pressure_below(d%grains%n), &
+              found%load_below(d%grains%n), source=huge(1.0_wp))
     do i = 1, d%grains%n
       if (least(i) >= huge(1.0_wp)) cycle
       axes = d%grains%axes(:, i)
@@ -132,6 +190,7 @@ contains
         found%pressure_below(i) = least(i)*(1.0_wp - rounding)
       case (criterion_octahedral)
         found%force_below(i) = 0.0_wp
+        found%load_below(i) = least(i)/most_octahedral(d%grains%axes(:, i), d%grains%radius(i))
       end select
     end do
   end subroutine spare_safe
@@ -324,6 +383,15 @@ contains
     t(1:3) = t(1:3) - sum(t(1:3))/3.0_wp
     stress = sqrt((sum(t(1:3)**2) + 2.0_wp*sum(t(4:6)**2))/3.0_wp)/factor
   end function octahedral_of
+
+  !> Octahedral stress over 0.9 of a unit force anywhere within a radius, at most: the deviator of
+  !! its f r is sqrt(2/3) f r, where both are parallel [1/m^2].
+  pure real(wp) function most_octahedral(axes, radius) result(stress)
+    real(wp), intent(in) :: axes(3)  !! of an ellipsoid of the grain's volume [m]
+    real(wp), intent(in) :: radius   !! of the sphere around the grain [m]
+    real(wp), parameter :: amply = 1.1_wp  !! contact points are in both grains but for rounding
+    stress = octahedral_of([amply*radius, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], axes)
+  end function most_octahedral
 
   !> Symmetric part of f r as xx yy zz xy yz zx.
   pure function symmetric_product(f, r) result(t)

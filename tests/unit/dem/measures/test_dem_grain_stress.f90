@@ -5,8 +5,8 @@ program test_dem_grain_stress
   use talus_errors, only: error_list_type
   use talus_test, only: test_type
   use dem_ellipsoid, only: rotation_of, shape_matrix
-  use dem_grain_stress, only: grain_stress_type, find_stresses, nominal_area, octahedral_of, &
-    criterion_none, criterion_nominal, criterion_hertz, criterion_octahedral
+  use dem_grain_stress, only: grain_stress_type, find_stresses, spare_safe, nominal_area, &
+    octahedral_of, criterion_none, criterion_nominal, criterion_hertz, criterion_octahedral
   use dem_law, only: make_law, make_linear_law
   use dem_make, only: make_grains, make_planes
   use dem_state, only: kind_free
@@ -87,6 +87,7 @@ contains
                           *force]/(4.0_wp*radius**2), 1.0e-9_wp*force/radius**2)
     call find_stresses(s%dem_data_type, [criterion_octahedral, criterion_none], found)
     call test%check('octahedral', found%stress(1) > found%stress(2) .and. found%stress(2) > 0.0_wp)
+    call check_spared(s, found%stress)
     call find_stresses(s%dem_data_type, [criterion_none, criterion_nominal], found)
     call test%check_all_close('none of this material', found%stress, [0.0_wp, 0.0_wp], 0.0_wp)
     if (linear) return
@@ -98,4 +99,19 @@ contains
                           sqrt(2.0_wp)*force/(pi*radius*overlap), &
                           1.0e-9_wp*force/(pi*radius*overlap))
   end subroutine check_row
+
+  !> Grains above their strength have their stress to the bit, those far below it are passed over:
+  !! the sum of the forces bounds the stress of the lower sphere to 1.1 times itself.
+  subroutine check_spared(s, whole)
+    type(dem_system_type), intent(in) :: s
+    real(wp), intent(in) :: whole(:)  !! octahedral stresses of all [Pa]
+    integer(i4), parameter :: criterion(2) = [criterion_octahedral, criterion_none]
+    type(grain_stress_type) :: found
+    call spare_safe(found, s%dem_data_type, criterion, 0.999_wp*whole)
+    call find_stresses(s%dem_data_type, criterion, found)
+    call test%check_all_close('above their strength', found%stress, whole, 0.0_wp)
+    call spare_safe(found, s%dem_data_type, criterion, 1.2_wp*whole(1)*[1.0_wp, 1.0_wp])
+    call find_stresses(s%dem_data_type, criterion, found)
+    call test%check_all_close('passed over', found%stress, [0.0_wp, 0.0_wp], 0.0_wp)
+  end subroutine check_spared
 end program test_dem_grain_stress
