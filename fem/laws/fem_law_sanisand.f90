@@ -14,6 +14,7 @@ module fem_law_sanisand
     flag_apex
   use fem_sanisand, only: sand_type, continuum, critical_void, bulk_and_shear, bounding, lode, &
     at_void, at_sand_flow => at_flow, sand_size
+  use fem_sanisand_lanes, only: follow_lanes, sand_lanes
   use fem_sanisand_path, only: sand_record_type, follow_strain
   use fem_voigt, only: unit, twice, trace, magnitude, elastic_matrix
   implicit none
@@ -207,6 +208,8 @@ contains
     integer(i4) :: j
     record%known = .true.
     step = probe*maxval(abs(strain))
+    call side_by_side(self, strain, from, begun, record, tangent, good)
+    if (good) return
     do j = 1, 6
       moved = strain
       moved(j) = strain(j) + step
@@ -216,6 +219,29 @@ contains
       tangent(:, j) = (y(:6) - there(:6))/step
     end do
   end subroutine differences
+
+  !> The same for an increment that yields all the way, the last lanes being the increment itself.
+  pure subroutine side_by_side(self, strain, from, begun, record, tangent, good)
+    class(fem_law_sanisand_type), intent(in) :: self
+    real(wp), intent(in) :: strain(6), from(sand_size), begun(6)
+    type(sand_record_type), intent(in) :: record
+    real(wp), intent(out) :: tangent(6, 6)
+    logical, intent(out) :: good
+    real(wp) :: moved(sand_lanes, 6), y(sand_lanes, sand_size), start(sand_lanes, 6), step
+    integer(i4) :: j
+    step = probe*maxval(abs(strain))
+    moved = spread(tensor*strain, 1, sand_lanes)
+    y = spread(from, 1, sand_lanes)
+    start = spread(begun, 1, sand_lanes)
+    do j = 1, 6
+      moved(j, j) = tensor(j)*(strain(j) + step)
+    end do
+    call follow_lanes(self%sand, moved, y, start, record, good)
+    if (.not. good) return
+    do j = 1, 6
+      tangent(:, j) = (y(sand_lanes, :6) - y(j, :6))/step
+    end do
+  end subroutine side_by_side
 
   !> The void ratio of a point is not known here: that of a sand denser than at the start.
   pure function modulus(self, stress) result(moduli)

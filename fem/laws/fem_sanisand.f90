@@ -8,7 +8,7 @@ module fem_sanisand
   implicit none
   private
   public :: sand_type, sand_flow_type, elastic_path, yield_ratio, flow_at, rates, continuum
-  public :: critical_void, bulk_and_shear, bounding, lode
+  public :: critical_void, bulk_and_shear, bounding, lode, growth, start_hardening
   public :: at_stress, at_alpha, at_fabric, at_void, at_flow, sand_size
 
   !> Places in the vector of a point.
@@ -143,6 +143,14 @@ contains
     growth = exp(min(x, bound))
   end function growth
 
+  !> b0, hardening times the way from where the loading began [-].
+  pure real(wp) function start_hardening(sand, p, void)
+    type(sand_type), intent(in) :: sand
+    real(wp), intent(in) :: p, void
+    start_hardening = sand%shear*sand%hardening*max(1.0_wp - sand%hardening_void*void, &
+                                                    least_hardening)/sqrt(p/sand%atmosphere)
+  end function start_hardening
+
   !> Everything that rates and tangent of a point on the yield surface need.
   pure function flow_at(sand, y, start) result(flow)
     type(sand_type), intent(in) :: sand
@@ -172,8 +180,7 @@ contains
       flow%dilation = sand%dilatancy*(1.0_wp + max(0.0_wp, sum(twice*y(at_fabric:at_fabric + 5) &
         *flow%n)))*(root_2_3*(g*sand%slope*growth(sand%dilatancy_rate*psi) - sand%opening) &
                     - sum(twice*alpha*flow%n))
-      b0 = sand%shear*sand%hardening*max(1.0_wp - sand%hardening_void*void, least_hardening) &
-        /sqrt(flow%p/sand%atmosphere)
+      b0 = start_hardening(sand, flow%p, void)
       flow%softness = max(0.0_wp, sum(twice*(alpha - start)*flow%n))/b0
     end associate
     flow%resistance = max(tiny(1.0_wp), 2.0_wp/3.0_wp*flow%p*sum(twice*flow%to_bound*flow%n) &

@@ -11,7 +11,7 @@ module fem_sanisand_path
   use fem_voigt, only: unit, twice, trace, magnitude
   implicit none
   private
-  public :: sand_record_type, follow_strain
+  public :: sand_record_type, follow_strain, tableau, on_surface, nudge
 
   integer(i4), parameter :: most_steps = 2048
   integer(i4), parameter :: most_rounds = 40
