@@ -61,7 +61,7 @@ contains
     logical, intent(out) :: good
     real(wp) :: rate(sand_lanes, sand_size, stages), there(sand_lanes, sand_size)
     type(flow_lanes_type) :: f
-    integer(i4) :: k, j, i
+    integer(i4) :: k, j
 
     there = y
     do k = 1, stages
@@ -70,23 +70,36 @@ contains
       if (k == 1) good = all(f%drive > 0.0_wp)
       if (.not. good) return
       call find_rates(sand, strain, there, f, rate(:, :, k))
-      do i = 1, sand_size
-        there(:, i) = y(:, i)
-        do j = 1, k
-          there(:, i) = there(:, i) + tableau(k, j)*rate(:, i, j)
-        end do
+      there = y
+      do j = 1, k
+        call add_share(tableau(k, j), rate(:, :, j), there)
       end do
     end do
     y = there
     good = all(y(:, 1) + y(:, 2) + y(:, 3) > 3.0_wp*sand%least)
   end subroutine sub_step_lanes
 
+  !> A share of a rate to all components of all lanes.
+  pure subroutine add_share(share, rate, there)
+    real(wp), intent(in) :: share, rate(sand_lanes*sand_size)
+    real(wp), intent(inout) :: there(sand_lanes*sand_size)
+    integer(i4) :: l
+    !$omp simd
+    do l = 1, sand_lanes*sand_size
+      there(l) = there(l) + share*rate(l)
+    end do
+  end subroutine add_share
+
   !> a:b of tensor components.
   pure function contracted(a, b) result(c)
     real(wp), intent(in) :: a(sand_lanes, 6), b(sand_lanes, 6)
     real(wp) :: c(sand_lanes)
-    c = a(:, 1)*b(:, 1) + a(:, 2)*b(:, 2) + a(:, 3)*b(:, 3) &
-      + 2.0_wp*(a(:, 4)*b(:, 4) + a(:, 5)*b(:, 5) + a(:, 6)*b(:, 6))
+    integer(i4) :: l
+    !$omp simd
+    do l = 1, sand_lanes
+      c(l) = a(l, 1)*b(l, 1) + a(l, 2)*b(l, 2) + a(l, 3)*b(l, 3) &
+        + 2.0_wp*(a(l, 4)*b(l, 4) + a(l, 5)*b(l, 5) + a(l, 6)*b(l, 6))
+    end do
   end function contracted
 
   !> Stress over pressure, its deviator less alpha, and the size of that.
@@ -145,28 +158,18 @@ contains
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: y(sand_lanes, sand_size)
     type(flow_lanes_type), intent(out) :: f
-    real(wp) :: mean(sand_lanes), size_of(sand_lanes), moduli(2), psi
+    real(wp) :: mean, moduli(2), psi
     integer(i4) :: i
 
-    mean = (y(:, 1) + y(:, 2) + y(:, 3))/3.0_wp
-    f%p = max(mean, sand%least*0.5_wp)
-    do i = 1, 6
-      f%ratio(:, i) = (y(:, i) - mean*unit(i))/f%p
-      f%n(:, i) = f%ratio(:, i) - y(:, at_alpha + i - 1)
+    !$omp simd private(mean)
+    do i = 1, sand_lanes
+      mean = (y(i, 1) + y(i, 2) + y(i, 3))/3.0_wp
+      f%p(i) = max(mean, sand%least*0.5_wp)
+      f%ratio(i, 1:3) = (y(i, 1:3) - mean)/f%p(i)
+      f%ratio(i, 4:6) = y(i, 4:6)/f%p(i)
+      f%n(i, :) = f%ratio(i, :) - y(i, at_alpha:at_alpha + 5)
     end do
-    size_of = max(sqrt(contracted(f%n, f%n)), tiny(1.0_wp))
-    do i = 1, 6
-      f%n(:, i) = f%n(:, i)/size_of
-    end do
-    associate (a => f%n)
-      f%square(:, 1) = a(:, 1)**2 + a(:, 4)**2 + a(:, 6)**2
-      f%square(:, 2) = a(:, 2)**2 + a(:, 4)**2 + a(:, 5)**2
-      f%square(:, 3) = a(:, 3)**2 + a(:, 5)**2 + a(:, 6)**2
-      f%square(:, 4) = a(:, 1)*a(:, 4) + a(:, 4)*a(:, 2) + a(:, 6)*a(:, 5)
-      f%square(:, 5) = a(:, 4)*a(:, 6) + a(:, 2)*a(:, 5) + a(:, 5)*a(:, 3)
-      f%square(:, 6) = a(:, 1)*a(:, 6) + a(:, 4)*a(:, 5) + a(:, 6)*a(:, 3)
-    end associate
-    f%cosine = min(1.0_wp, max(-1.0_wp, root_6*contracted(f%n, f%square)))
+    call find_squares(f)
     do i = 1, sand_lanes
       moduli = bulk_and_shear(sand, f%p(i), y(i, at_void))
       f%bulk(i) = moduli(1)
@@ -178,13 +181,33 @@ contains
     end do
   end subroutine find_directions
 
+  !> Unit deviators, their squares and Lode angles.
+  pure subroutine find_squares(f)
+    type(flow_lanes_type), intent(inout) :: f
+    real(wp) :: a(6), size_of(sand_lanes)
+    integer(i4) :: i
+    size_of = max(sqrt(contracted(f%n, f%n)), tiny(1.0_wp))
+    !$omp simd private(a)
+    do i = 1, sand_lanes
+      a = f%n(i, :)/size_of(i)
+      f%n(i, :) = a
+      f%square(i, 1) = a(1)**2 + a(4)**2 + a(6)**2
+      f%square(i, 2) = a(2)**2 + a(4)**2 + a(5)**2
+      f%square(i, 3) = a(3)**2 + a(5)**2 + a(6)**2
+      f%square(i, 4) = a(1)*a(4) + a(4)*a(2) + a(6)*a(5)
+      f%square(i, 5) = a(4)*a(6) + a(2)*a(5) + a(5)*a(3)
+      f%square(i, 6) = a(1)*a(6) + a(4)*a(5) + a(6)*a(3)
+    end do
+    f%cosine = min(1.0_wp, max(-1.0_wp, root_6*contracted(f%n, f%square)))
+  end subroutine find_squares
+
   !> Flow, bounding and dilatancy surfaces, resistance, and the numerator of the loading index.
   pure subroutine find_flow(sand, strain, y, start, f)
     type(sand_type), intent(in) :: sand
     real(wp), intent(in) :: strain(sand_lanes, 6), y(sand_lanes, sand_size), start(sand_lanes, 6)
     type(flow_lanes_type), intent(inout) :: f
     real(wp), dimension(sand_lanes) :: slope, skew, b, c
-    integer(i4) :: i
+    integer(i4) :: i, l
 
     associate (alpha => y(:, at_alpha:at_alpha + 5))
       slope = 2.0_wp*sand%extension/(1.0_wp + sand%extension - (1.0_wp - sand%extension)*f%cosine)
@@ -193,8 +216,12 @@ contains
       b = 1.0_wp + 1.5_wp*skew*f%cosine
       c = 3.0_wp*sqrt(1.5_wp)*skew
       do i = 1, 6
-        f%flow(:, i) = b*f%n(:, i) - c*(f%square(:, i) - unit(i)/3.0_wp)
-        f%to_bound(:, i) = root_2_3*(slope*f%bounding - sand%opening)*f%n(:, i) - alpha(:, i)
+        !$omp simd
+        do l = 1, sand_lanes
+          f%flow(l, i) = b(l)*f%n(l, i) - c(l)*(f%square(l, i) - unit(i)/3.0_wp)
+          f%to_bound(l, i) = root_2_3*(slope(l)*f%bounding(l) - sand%opening)*f%n(l, i) &
+            - alpha(l, i)
+        end do
       end do
       f%along = contracted(f%n, f%ratio)
       f%dilation = sand%dilatancy*(1.0_wp + max(0.0_wp, contracted(y(:, at_fabric:at_fabric + 5), &
@@ -214,7 +241,7 @@ contains
     type(flow_lanes_type), intent(in) :: f
     real(wp), intent(out) :: rate(sand_lanes, sand_size)
     real(wp), dimension(sand_lanes) :: v, hard, index, swell, fade
-    integer(i4) :: i
+    integer(i4) :: i, l
 
     v = strain(:, 1) + strain(:, 2) + strain(:, 3)
     hard = max(f%drive, 0.0_wp)/f%resistance
@@ -222,11 +249,15 @@ contains
     swell = index*f%dilation
     fade = -sand%fabric_rate*max(0.0_wp, -swell)
     do i = 1, 6
-      rate(:, i) = 2.0_wp*f%shear*(strain(:, i) - v/3.0_wp*unit(i) - index*f%flow(:, i)) &
-        + f%bulk*(v - swell)*unit(i)
-      rate(:, at_alpha + i - 1) = 2.0_wp/3.0_wp*hard*f%to_bound(:, i)
-      rate(:, at_fabric + i - 1) = fade*(sand%fabric_limit*f%n(:, i) + y(:, at_fabric + i - 1))
-      rate(:, at_flow + i - 1) = index*f%flow(:, i) + swell/3.0_wp*unit(i)
+      !$omp simd
+      do l = 1, sand_lanes
+        rate(l, i) = 2.0_wp*f%shear(l)*(strain(l, i) - v(l)/3.0_wp*unit(i) &
+          - index(l)*f%flow(l, i)) + f%bulk(l)*(v(l) - swell(l))*unit(i)
+        rate(l, at_alpha + i - 1) = 2.0_wp/3.0_wp*hard(l)*f%to_bound(l, i)
+        rate(l, at_fabric + i - 1) = fade(l)*(sand%fabric_limit*f%n(l, i) &
+          + y(l, at_fabric + i - 1))
+        rate(l, at_flow + i - 1) = index(l)*f%flow(l, i) + swell(l)/3.0_wp*unit(i)
+      end do
     end do
     rate(:, at_void) = -(1.0_wp + y(:, at_void))*v
   end subroutine find_rates
