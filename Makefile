@@ -67,7 +67,7 @@ unit-one: $(BUILD)/unit/$(T)
 # goals that compile nothing in this make: they need no dependency scan (and no compiler yet)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
-  overlap-penetration moving-window fenicsx lammps scikit-fem calculix crushing gravity \
+  overlap-penetration moving-window deep-cone fenicsx lammps scikit-fem calculix crushing gravity \
   verification verification-ranks manual bench mutants fuzz uninstall wheel
 
 # --- version, stamped at build time --------------------------------------------------------
@@ -150,7 +150,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 # --- what a user calls ---------------------------------------------------------------------
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
-  moving-window fenicsx lammps scikit-fem calculix crushing gravity \
+  moving-window deep-cone fenicsx lammps scikit-fem calculix crushing gravity \
   bench bench-deps verification verification-ranks manual mutants style install uninstall tarball wheel
 PY := $(VENV)/bin/python
 
@@ -171,6 +171,7 @@ help:
 	  'make micromorphic-triaxial  an element and a specimen of a micromorphic sand (minutes)' \
 	  'make overlap-penetration  a core of grains in a continuum beside all grains (an hour)' \
 	  'make moving-window  a bar in a bed that wakes before it, beside the whole bed (15 minutes)' \
+	  'make deep-cone      a cone in a bed that wakes around it, beside the whole bed (an hour)' \
 	  'make fenicsx       a solid of FEniCSx in the place of talus-fem (minutes)' \
 	  'make lammps        grains of LAMMPS in the place of talus-dem (a minute)' \
 	  'make scikit-fem    a solid of scikit-fem in the place of talus-fem (minutes)' \
@@ -233,6 +234,10 @@ micromorphic-triaxial: deps-run
 moving-window: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/08-moving-window/run.sh build/$@
+
+deep-cone: deps-run deps-render
+	@$(MAKE) --no-print-directory all
+	examples/19-deep-cone/run.sh build/$@
 
 fenicsx: deps-run
 	@$(MAKE) --no-print-directory all
