@@ -1,13 +1,15 @@
 #!/usr/bin/env bash
 # Install what Talus needs: apt packages (with sudo where not root) and a Python environment.
-# Usage: tools/deps.sh apt | bench | run | render | dev     (each costs nothing when already done)
-# bench: other codes beside which make bench puts Talus.
+# Usage: tools/deps.sh apt | installed | bench | run | render | dev     (each costs nothing when already done)
+# installed: what an installed suite runs with, without compilers (Debian 12). bench: other codes
+# beside which make bench puts Talus.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 venv=build/venv
 stamps=build/deps
 
 compilers="gcc gfortran make libc6-dev libopenblas-dev libmumps-dev libmetis-dev libhdf5-dev openmpi-bin libopenmpi-dev python3 python3-venv"
+installed="libgfortran5 libopenblas0-pthread libmumps-5.5 libmetis5 libhdf5-103-1 libhdf5-fortran-102 openmpi-bin libopenmpi3 python3"
 gmsh_libraries="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libfontconfig1 libxinerama1 libx11-6 libgomp1"
 drawing_libraries="libegl1"  # VTK draws through it where there is no screen
 peers="lammps liggghts calculix-ccx openmpi-bin util-linux"
@@ -59,7 +61,8 @@ python_environment() {  # $1: name of the requirements list
 
 case "${1:-}" in
   apt) apt_packages "$compilers $gmsh_libraries $drawing_libraries" ;;
+  installed) apt_packages "$installed $gmsh_libraries $drawing_libraries" ;;
   bench) apt_packages "$peers" ;;
   run | render | dev) python_environment "$1" ;;
-  *) fail "usage: tools/deps.sh apt | bench | run | render | dev" ;;
+  *) fail "usage: tools/deps.sh apt | installed | bench | run | render | dev" ;;
 esac

@@ -39,8 +39,10 @@ def first_line(command: list[str]) -> str:
     return done.stdout.strip().split("\n")[0] if done.returncode == 0 else ""
 
 
-def of_compiler(text: str) -> Finding:
-    """Judge the first line of `gfortran --version`."""
+def of_compiler(text: str, installed: bool = False) -> Finding:
+    """Judge the first line of `gfortran --version`; programs that are installed need none."""
+    if installed and not text:
+        return Finding("compiler", "none, and none is needed: the programs are there")
     number = re.search(r"\b(\d+)\.\d+", text)
     old = number is not None and int(number[1]) < OLDEST_GFORTRAN
     cure = f"install gfortran {OLDEST_GFORTRAN} or newer" if old or not text else ""
@@ -131,14 +133,16 @@ def cpu_flags() -> set[str]:
 
 def look_at(folder: Path) -> list[Finding]:
     """Return what this machine has, and the disk of `folder`."""
+    programs = [of_program(name) for name in PROGRAMS]
+    installed = not any(finding.cure for finding in programs)
     return [
-        of_compiler(first_line(["gfortran", "--version"])),
+        of_compiler(first_line(["gfortran", "--version"]), installed),
         of_mpi(first_line(["mpirun", "--version"])),
         of_kernel(core_name(), cpu_flags(), os.environ.get("OPENBLAS_CORETYPE", "")),
         of_threads(os.environ.get("OMP_NUM_THREADS", ""), len(os.sched_getaffinity(0))),
         of_space("shared memory", Path("/dev/shm"), SHARED_BYTES),
         of_space("disk", folder, DISK_BYTES),
-        *(of_program(name) for name in PROGRAMS),
+        *programs,
         *(of_package(name) for name in PACKAGES),
         of_hdf5(),
     ]

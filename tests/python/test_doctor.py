@@ -9,10 +9,11 @@ from talus import cli, machine
 
 
 def test_compiler_by_its_age() -> None:
-    """Accept 12, refuse 11 and none."""
+    """Accept 12, refuse 11; none will do where the programs are installed."""
     assert not machine.of_compiler("GNU Fortran (Debian 12.2.0-14) 12.2.0").cure
     assert machine.of_compiler("GNU Fortran (Debian 11.3.0-1) 11.3.0").cure
     assert machine.of_compiler("").cure
+    assert not machine.of_compiler("", installed=True).cure
 
 
 def test_slow_kernel_of_openblas() -> None:
