@@ -72,6 +72,7 @@ ORDER += [
     "fenicsx",
     "scikit-fem",
     "lammps",
+    "release-next",
     "release-0.2.0",
     "glossary",
 ]

@@ -90,3 +90,13 @@ def test_spack_package_agrees() -> None:
     assert {name for name in named if name.startswith("py-") or name == "gmsh"} == spack
     version = (ROOT / "VERSION").read_text().strip()
     assert f'version("{version}")' in (PACKAGING / "spack/package.py").read_text()
+
+
+@pytest.mark.parametrize("name", ["bug", "question", "feature"])
+def test_issue_templates(name: str) -> None:
+    """Each form has its head, and asks for what `talus doctor` says, the deck and the log."""
+    text = (ROOT / f".github/ISSUE_TEMPLATE/{name}.md").read_text()
+    head = re.match(r"---\nname: .+\nabout: .+\ntitle: \"\"\nlabels: (.+)\n---\n", text)
+    assert head and head[1] == name
+    assert all(word in text for word in ("`talus doctor`", "`*.nml`", "`*.log`"))
+    assert text.count("```") % 2 == 0
