@@ -68,7 +68,7 @@ unit-one: $(BUILD)/unit/$(T)
 NO_BUILD := clean help deps deps-apt deps-run deps-render deps-dev bench-deps keys port style test demo \
   deposit penetration element-tests overlap-column block-on-grains tyre-segment micromorphic-triaxial \
   overlap-penetration moving-window deep-cone fenicsx lammps scikit-fem calculix crushing gravity \
-  verification verification-ranks manual bench mutants fuzz uninstall wheel
+  verification verification-ranks manual manual-pdf bench mutants fuzz uninstall wheel
 
 # --- version, stamped at build time --------------------------------------------------------
 VERSION := $(shell cat VERSION 2>/dev/null || echo 0.0.0)
@@ -151,7 +151,7 @@ $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 .PHONY: help deps deps-apt deps-run deps-render deps-dev keys port test demo deposit penetration element-tests \
   overlap-column block-on-grains tyre-segment micromorphic-triaxial overlap-penetration \
   moving-window deep-cone fenicsx lammps scikit-fem calculix crushing gravity \
-  bench bench-deps verification verification-ranks manual mutants style install uninstall tarball wheel
+  bench bench-deps verification verification-ranks manual manual-pdf mutants style install uninstall tarball wheel
 PY := $(VENV)/bin/python
 
 help:
@@ -163,6 +163,7 @@ help:
 	  'make fuzz          long campaigns of changed decks, damaged files, kills (SEED=n)' \
 	  'make verification-ranks  those of grains and coupled ones, grains on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
+	  'make manual-pdf    the same as one PDF, by chromium (CHROMIUM=program)' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
 	  'make deposit       remake the shipped deposit and compare (CONTAINER=medium|large|wide: another)' \
 	  'make element-tests isotropic, K0, drained and undrained tests of ellipsoids, five seeds' \
@@ -278,6 +279,8 @@ verification-ranks: deps
 
 manual: deps-run deps-dev
 	$(PY) tools/manual.py --out build/manual
+manual-pdf: deps-run deps-dev
+	$(if $(CHROMIUM),CHROMIUM='$(CHROMIUM)') $(PY) tools/manual_pdf.py --out build/manual
 
 bench-deps: deps-apt
 	@tools/deps.sh bench

@@ -1,7 +1,7 @@
 """Build the manual as HTML: pages in Markdown, plus what the sources and the runs generate.
 
 Usage: manual.py [--out build/manual] [--verification build/verification]
-Pages are manual/*.md in the order of ORDER; the deck reference comes from the deck.toml
+Pages are manual/*.md in the order of manual_page.PARTS; the deck reference comes from the deck.toml
 files, the error chapter from the errors.toml files, the chapters of verification and validation
 from the summary of the last `make verification` (or of the quick cases that `make test` ran) and
 what the tests noticed of faults put in (`make mutants ACCEPT=1`).
@@ -22,77 +22,15 @@ from pathlib import Path
 
 import bench_table
 import manual_links
+import manual_page
+import manual_search
 import markdown
 from latex2mathml.converter import convert as latex_to_mathml
 
 ROOT = Path(__file__).resolve().parent.parent
-ORDER = [
-    "index",
-    "first-run",
-    "learn-packing",
-    "learn-triaxial",
-    "learn-hopper",
-    "learn-facets",
-    "learn-overlap",
-    "learn-surround",
-    "learn-cluster",
-    "learn-solver",
-    "choosing",
-    "install",
-    "running",
-    "ranks",
-    "files",
-    "deck-dem",
-    "deck-fem",
-    "deck-couple",
-]
-ORDER += [
-    "element-tests",
-    "capillary",
-    "pore-fluid",
-    "moving-beds",
-    "breakage",
-    "measures",
-    "prepost",
-    "view",
-    "study",
-    "theory-notation",
-    "theory-differences",
-    "theory-dem",
-    "theory-fem",
-    "theory-coupling",
-    "theory-overlap",
-    "port",
-    "verification",
-    "validation",
-    "speed",
-    "errors",
-    "extending",
-    "own-solver",
-    "fenicsx",
-    "scikit-fem",
-    "lammps",
-    "release-next",
-    "release-0.2.0",
-    "glossary",
-]
 VALIDATION = "validation"  # the area of cases, and the page, that compare with experiments
 # a displayed formula and its label, as in $$ a = b $$ {D.12}
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$(?: \{([A-Z]\.\d+)\})?", flags=re.S)
-STYLE = """
-body{margin:0;font:16px/1.55 system-ui,sans-serif;color:#1c2430;display:flex}
-nav{width:15rem;min-height:100vh;background:#f3f1ec;padding:1.2rem;box-sizing:border-box;flex:none}
-nav a{display:block;color:#31506e;text-decoration:none;padding:.15rem 0}nav a.here{font-weight:700}
-main{max-width:54rem;padding:1rem 2.5rem 4rem;min-width:0}
-table{border-collapse:collapse;margin:1rem 0;font-size:.92em}td,th{border:1px solid #cfd6de;
-padding:.25rem .6rem;
-text-align:left;vertical-align:top}td:first-child code{white-space:nowrap}
-th{background:#f3f1ec}pre{background:#f6f7f9;padding:.8rem;overflow-x:auto;
-border-radius:4px}code{font-size:.92em}img{max-width:100%}
-.equation{display:flex;align-items:center;justify-content:space-between;gap:1rem}
-.equation math{margin:0 auto}.fail{color:#b00020;font-weight:700}
-.pass{color:#1f6f3d}footer{color:#7a828c;font-size:.85em;margin-top:3rem}
-"""
 
 
 def math_to_mathml(text: str) -> tuple[str, list[str]]:
@@ -100,7 +38,9 @@ def math_to_mathml(text: str) -> tuple[str, list[str]]:
     pieces: list[str] = []
 
     def keep(source: str, display: str, label: str | None = None) -> str:
-        piece = latex_to_mathml(source.strip(), display=display)
+        # the converter knows no aligned, and would leave its marks in the formula
+        text = source.strip().replace("{aligned}", "{align*}")
+        piece = latex_to_mathml(text, display=display)
         if label:
             piece = f"<span class='equation' id='{label}'>{piece}<span>({label})</span></span>"
         pieces.append(piece)
@@ -284,38 +224,38 @@ def speed_results(accepted: Path, out: Path) -> str:
     return f"\n## Last accepted run\n\n{text}\n![Speed](figures/speed.png)\n"
 
 
+def built(out: Path, verification: Path) -> tuple[dict[str, str], dict[str, str], int]:
+    """Return titles and bodies of all pages in reading order, and the number of dead links."""
+    out.mkdir(parents=True, exist_ok=True)
+    pages = gather(out, verification)
+    for picture in sorted((ROOT / "manual").glob("*.png")):
+        shutil.copy(picture, out)
+    names = [name for part in manual_page.by_parts(pages).values() for name in part]
+    titles = {name: title_of(pages[name], name) for name in names}
+    bodies, faults = {}, []
+    for name in names:
+        bodies[name], dead = manual_links.linked(page_html(pages[name]), pages)
+        bodies[name] = manual_search.with_rows(name, bodies[name])
+        faults += [(name, target) for target in dead]
+    faults += manual_links.dead_anchors(bodies)
+    for name, target in faults:
+        print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+    return titles, bodies, len(faults)
+
+
 def main() -> int:
     """Build the manual; return 0, or 1 when a page links to one that does not exist."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "build/manual")
     parser.add_argument("--verification", type=Path, default=ROOT / "build/verification")
     options = parser.parse_args()
-    options.out.mkdir(parents=True, exist_ok=True)
     version = (ROOT / "VERSION").read_text().strip()
-    pages = gather(options.out, options.verification)
-    for picture in sorted((ROOT / "manual").glob("*.png")):
-        shutil.copy(picture, options.out)
-    names = [n for n in ORDER if n in pages] + sorted(set(pages) - set(ORDER))
-    titles = {name: title_of(pages[name], name) for name in names}
-    bodies, faults = {}, []
-    for name in names:
-        bodies[name], dead = manual_links.linked(page_html(pages[name]), pages)
-        faults += [(name, target) for target in dead]
-    faults += manual_links.dead_anchors(bodies)
-    for name, target in faults:
-        print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+    titles, bodies, faults = built(options.out, options.verification)
     for name, body in bodies.items():
-        links = "".join(
-            f"<a href='{n}.html'{' class=here' if n == name else ''}>{html.escape(titles[n])}</a>"
-            for n in names
-        )
-        (options.out / f"{name}.html").write_text(
-            "<!doctype html><html lang='en'><meta charset='utf-8'>"
-            f"<title>{html.escape(titles[name])} - Talus</title><style>{STYLE}</style>"
-            f"<nav><strong>Talus {version}</strong>{links}</nav><main>{body}"
-            f"<footer>Talus {version}</footer></main></html>"
-        )
-    print(f"manual: {len(names)} pages, {options.out}/index.html")
+        text = manual_page.page(name, body, titles, version)
+        (options.out / f"{name}.html").write_text(text)
+    (options.out / "search.js").write_text(manual_search.script(titles, bodies))
+    print(f"manual: {len(titles)} pages, {options.out}/index.html")
     return 1 if faults else 0
 
 

@@ -1,0 +1,124 @@
+"""The manual as HTML and as a book: search without a server, ways between pages, the PDF."""
+
+import html
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+sys.path.insert(0, str(ROOT / "tools"))
+
+import manual_page  # noqa: E402
+import manual_pdf  # noqa: E402
+import manual_search  # noqa: E402
+
+import manual  # noqa: E402
+
+BROWSER = manual_pdf.browser()
+SOURCES = {
+    "index": "# Talus\n\n[Deck](deck-dem.md#contact).\n\n## Sand\n\nQuartz & feldspar.",
+    "deck-dem": "# Deck\n\n## contact\n\n| key | meaning |\n|---|---|\n| `friction` | of Coulomb |",
+    "theory-dem": "# Theory\n\n$$ \\begin{aligned}a&=b\\\\c&=d\\end{aligned} $$ {D.1}\n\n$E<1$.",
+    "example-x": "# An example\n\nQuartz flows.",
+}
+
+
+def made() -> tuple[dict[str, str], dict[str, str]]:
+    """Return titles and bodies of a manual of four pages."""
+    names = [name for part in manual_page.by_parts(SOURCES).values() for name in part]
+    titles = {name: manual.title_of(SOURCES[name], name) for name in names}
+    bodies = {name: manual.page_html(SOURCES[name]).replace(".md#", ".html#") for name in names}
+    return titles, {n: manual_search.with_rows(n, body) for n, body in bodies.items()}
+
+
+def asked(tmp_path: Path, query: str) -> list[tuple[str, str]]:
+    """Return address and heading of what a browser finds, from files."""
+    titles, bodies = made()
+    for name, body in bodies.items():
+        (tmp_path / f"{name}.html").write_text(manual_page.page(name, body, titles, "1.0"))
+    (tmp_path / "search.js").write_text(manual_search.script(titles, bodies))
+    flags = ["--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/u",
+             "--virtual-time-budget=1000", "--dump-dom"]  # fmt: skip
+    page = f"{(tmp_path / 'index.html').as_uri()}?q={query}"
+    dom = subprocess.run([BROWSER, *flags, page], timeout=60, capture_output=True, text=True).stdout
+    found = re.search(r'<main id="found">(.*?)</main>', dom, flags=re.S)
+    links = re.findall(r'<a href="([^"]+)">(.*?)</a>', found[1] if found else "")
+    return [(where, re.sub("<[^>]+>", "", text)) for where, text in links]
+
+
+@pytest.mark.skipif(not BROWSER, reason="no chromium here")
+@pytest.mark.parametrize(
+    ("query", "expected"),
+    [
+        ("friction", [("deck-dem.html#contact-friction", "contact friction")]),
+        ("quartz", [("index.html#sand", "Sand"), ("example-x.html#an-example", "An example")]),
+        ("quartz+feldspar", [("index.html#sand", "Sand")]),
+        ("nothing-of-this", []),
+    ],
+)
+def test_search(tmp_path: Path, query: str, expected: list[tuple[str, str]]) -> None:
+    """A page opened from a file finds keys, words in several pages, and all words of a query."""
+    assert asked(tmp_path, query) == expected
+
+
+def test_ways_between_pages() -> None:
+    """Every page leads to the one before and the one after, in the order of the list of pages."""
+    titles, bodies = made()
+    assert list(titles) == ["index", "deck-dem", "theory-dem", "example-x"]
+    pages = {name: manual_page.page(name, bodies[name], titles, "1.0") for name in titles}
+    listed = re.findall(r"<a href='([\w.-]+)\.html'", pages["index"].split("</nav>")[0])
+    ways = {name: re.findall(r"rel=(\w+) href='([\w.-]+)\.html'", p) for name, p in pages.items()}
+    assert listed == list(titles) and "href='index.html' class=here" in pages["index"]
+    assert ways["index"] == [("next", "deck-dem")]
+    assert ways["deck-dem"] == [("prev", "index"), ("next", "theory-dem")]
+    assert ways["example-x"] == [("prev", "theory-dem")]
+
+
+def test_every_page_has_a_place() -> None:
+    """Pages of the manual stand in one part each; only examples are left to the last."""
+    listed = [name for pages in manual_page.PARTS.values() for name in pages]
+    assert len(set(listed)) == len(listed)
+    written = {path.stem for path in (ROOT / "manual").glob("*.md")}
+    assert written <= set(listed)
+
+
+def test_aligned_formula() -> None:
+    """Rows of an aligned formula become rows of a table, without the marks between them."""
+    body = manual.page_html(SOURCES["theory-dem"])
+    assert body.count("<mtr>") == 2 and "&</mi>" not in html.unescape(body)
+
+
+def test_links_of_the_book() -> None:
+    """In one file, links between pages lead to chapters and their headings."""
+    titles, bodies = made()
+    text = manual_pdf.book(titles, bodies, "1.0", manual_pdf.contents(titles, {"index": 3}))
+    ids = re.findall(r'\bid="([^"]+)"', text)
+    assert len(set(ids)) == len(ids) and "theory-dem--D.1" in ids
+    assert set(re.findall(r'href="#([^"]+)"', text)) <= set(ids)
+    assert '<a href="#index"><span>Talus</span><span>3</span></a>' in text
+
+
+@pytest.mark.skipif(not BROWSER, reason="no chromium here")
+def test_numbers_of_pages(tmp_path: Path) -> None:
+    """Title, contents and four chapters are six pages, and the contents know where each begins."""
+    titles, bodies = made()
+    (tmp_path / "book.html").write_text(
+        manual_pdf.book(titles, bodies, "1.0", manual_pdf.contents(titles, {}))
+    )
+    manual_pdf.printed(BROWSER, tmp_path / "book.html", tmp_path / "book.pdf")
+    numbers, count = manual_pdf.numbers_of((tmp_path / "book.pdf").read_bytes())
+    assert count == 6
+    assert {name: numbers[name] for name in titles} == {n: k for k, n in enumerate(titles, 3)}
+
+
+def test_no_browser(tmp_path: Path) -> None:
+    """Without a browser it is said what to install, and nothing is built."""
+    tool = [sys.executable, ROOT / "tools/manual_pdf.py", "--out", tmp_path / "book"]
+    environment = os.environ | {"CHROMIUM": "/nowhere/chromium"}
+    done = subprocess.run(tool, env=environment, capture_output=True, text=True, timeout=60)
+    assert done.returncode == 4 and "apt install chromium" in done.stderr
+    assert not (tmp_path / "book").exists()
