@@ -1,4 +1,4 @@
-"""`talus convert`: a field file to a VTU series; packings to and from other codes."""
+"""`talus convert`: field files to VTU or a scene of ParaView; packings of other codes."""
 
 import argparse
 from pathlib import Path
@@ -10,10 +10,11 @@ from talus.exchange import SPHERES, read_ellip3d, read_lammps, write_lammps
 from talus.faults import FaultError
 from talus.fields import convert_to_vtu
 from talus.packing import Packing, read_packing, write_packing_file
+from talus.paraview_scene import write_scene
 from talus.progress import watch
 
 READERS = {"packing": read_packing, "ellip3d": read_ellip3d, "lammps": read_lammps}
-TARGETS = ("vtu", "packing", "lammps", "liggghts")
+TARGETS = ("vtu", "paraview", "packing", "lammps", "liggghts")
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -22,7 +23,7 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("source", type=Path, help="field file (grains.h5, solid.h5), or a packing")
     new.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="VTU: folder, or name ending in .vtu; else a file",
+        help="VTU: folder, or name ending in .vtu; ParaView: name ending in .py; else a file",
     )  # fmt: skip
     new.add_argument("--to", choices=TARGETS, help="default: vtu, or with --from a packing")
     new.add_argument(
@@ -44,15 +45,23 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--surfaces", action="store_true", help="VTU: grains as triangles of their surfaces"
     )
+    new.add_argument(
+        "--solid", type=Path, help="for ParaView: field file of a solid shown with the grains"
+    )
     new.set_defaults(run=convert)
 
 
 def convert(options: argparse.Namespace) -> int:
     """Write what is wanted and say what was written."""
     target = options.to or ("vtu" if options.kind == "packing" else "packing")
+    if target in ("vtu", "paraview") and options.kind != "packing":
+        raise FaultError("E500", f"--to={target} requires field files, not --from={options.kind}")
+    if target == "paraview":
+        sources = [options.source, *([options.solid] if options.solid else [])]
+        write_scene(sources, options.output)
+        print(f"{options.output}: open it with paraview --script={options.output}")
+        return 0
     if target == "vtu":
-        if options.kind != "packing":
-            raise FaultError("E500", f"--to=vtu requires field files, not --from={options.kind}")
         written = convert_to_vtu(options.source, options.output, watch, options.surfaces)
         print(f"{written[-1]}: {len(written) - 1} steps")
         return 0
