@@ -1,0 +1,109 @@
+"""Compare the force on the cone and the cost of all beds; draw them.
+
+Usage: judge.py PLACE ..., in the folder of the run; result.txt, force.png, bed.png.
+"""
+
+import csv
+import sys
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt  # noqa: E402
+import numpy as np  # noqa: E402
+from prepare import PLACES, SPEED, TIP, ZONES  # noqa: E402
+
+from talus.verification import field_steps, read_history  # noqa: E402
+
+RUNS = {"whole": "whole bed", "narrow": "opened, 32 mm", "wide": "opened, 43 mm",
+        "box": "rigid box, 43 mm"}  # fmt: skip
+BANDS = ((0, 20), (20, 40), (40, 60), (20, 60))  # depth [mm]
+
+
+def files_of(name: str, place: str) -> str:
+    """Return the beginning of the names of the grains' results."""
+    return f"{name}_{place}/grains" if name in ZONES else f"{name}_{place}"
+
+
+def curve_of(name: str, place: str) -> dict:
+    """Return depth [mm], force [N], and the means over 1 mm."""
+    rows = read_history(Path(f"{files_of(name, place)}_surfaces.csv"))
+    time, at = np.unique(rows["time"], return_inverse=True)
+    depth, force = 1e3 * SPEED * time, np.bincount(at, rows["force_z"])  # of tip, cone and shaft
+    edges = np.arange(0.0, 60.5)
+    at = np.digitize(depth, edges)
+    step = np.array([force[at == k].mean() if (at == k).any() else np.nan
+                     for k in range(1, len(edges))])  # fmt: skip
+    return {"depth": edges[1:] - 0.5, "force": step}
+
+
+def mean_in(curve: dict, band: tuple[int, int]) -> float:
+    """Return the mean force in a band of depth [N]."""
+    return float(curve["force"][band[0]:band[1]].mean())
+
+
+def main(places: list[str]) -> None:
+    """Write the table and both pictures."""
+    curves = {(name, place): curve_of(name, place) for place in places for name in RUNS
+              if (Path(f"{name}_{place}.finished")).exists()}  # fmt: skip
+    with Path("cost.csv").open() as file:
+        cost = {row[0]: (float(row[1]), float(row[2])) for row in csv.reader(file)}
+    lines = ["bed                        place  force [N] at 0-20, 20-40, 40-60, 20-60 mm   over the whole bed's"
+             "      wall [s]  processors [s]"]  # fmt: skip
+    for (name, place), curve in curves.items():
+        force = [mean_in(curve, band) for band in BANDS]
+        ratio = [f / mean_in(curves["whole", place], band)
+                 for f, band in zip(force, BANDS, strict=True)]  # fmt: skip
+        wall, spent = cost.get(f"{name}_{place}", (np.nan, np.nan))
+        lines.append(f"{RUNS[name]:28s} {place}  " + " ".join(f"{f:9.4f}" for f in force) + "     "
+                     + " ".join(f"{r:7.3f}" for r in ratio) + f"  {wall:8.0f} {spent:8.0f}")  # fmt: skip
+    Path("result.txt").write_text("\n".join(lines) + "\n")
+    print("\n".join(lines))
+    draw_forces(curves, places)
+    draw_beds(places[0])
+
+
+def draw_forces(curves: dict, places: list[str]) -> None:
+    """Draw the forces over depth, a panel a place, and the grains that are awake."""
+    fig, axes = plt.subplots(ncols=len(places) + 1, figsize=(4.2 * (len(places) + 1), 4.0),
+                             layout="constrained")  # fmt: skip
+    for ax, place in zip(axes, places, strict=False):
+        for name, label in RUNS.items():
+            if (name, place) in curves:
+                curve = curves[name, place]
+                ax.plot(curve["force"], curve["depth"], lw=1.0, label=label)
+        ax.set(xlabel="force on the cone [N]", ylabel="way of the cone [mm]", ylim=(60.0, 0.0),
+               xlim=(0.0, None), title=f"place {place}")  # fmt: skip
+    axes[0].legend(fontsize=8)
+    rows = read_history(Path(f"wide_{places[0]}/coupled_conversions.csv"))
+    axes[-1].step(rows["awake"], 1e3 * SPEED * rows["time"], where="pre")
+    axes[-1].set(xlabel="grains awake", ylabel="way of the cone [mm]", ylim=(60.0, 0.0),
+                 xlim=(0.0, None), title=RUNS["wide"])  # fmt: skip
+    fig.savefig("force.png", dpi=110)
+
+
+def draw_beds(place: str) -> None:
+    """Draw a slice through the axis of the cone at the end: how far grains have gone."""
+    fig, axes = plt.subplots(ncols=2, figsize=(12.0, 4.2), sharey=True, layout="constrained")
+    x, y = PLACES[place]
+    for ax, name in zip(axes, ("whole", "wide"), strict=True):
+        steps = field_steps(Path(f"{files_of(name, place)}.h5"))
+        g = steps[-1].grains
+        near = np.abs(g["x"][:, 1] - y) < 3e-3
+        speed = np.linalg.norm(g["v"], axis=1) / SPEED
+        dots = ax.scatter(1e3 * (g["x"][near, 0] - x), 1e3 * g["x"][near, 2], s=9, c=speed[near],
+                          vmin=0.0, vmax=0.5, cmap="viridis")  # fmt: skip
+        ghost = near & (g["kind"] == 3)
+        ax.scatter(1e3 * (g["x"][ghost, 0] - x), 1e3 * g["x"][ghost, 2], s=9, c="0.7")
+        tip = 1e3 * (TIP - SPEED * steps[-1].time)
+        ax.plot([0, 6, 6, -6, -6, 0], [tip, tip + 10.4, 140, 140, tip + 10.4, tip], "k", lw=1.0)
+        ax.set(xlabel="x [mm]", aspect="equal", xlim=(-108, 108), ylim=(-6, 145),
+               title=f"{RUNS[name]}: {len(g['id'])} grains")  # fmt: skip
+    axes[0].set(ylabel="z [mm]")
+    fig.colorbar(dots, ax=axes, label="speed / that of the cone")
+    fig.savefig("bed.png", dpi=110)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
