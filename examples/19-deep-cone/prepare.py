@@ -23,6 +23,9 @@ ZONES = {"narrow": (0.030, 0.0324, 0.0432), "wide": (0.032, 0.0432, 0.054)}
 BOX = "wide"  # the zone whose free grains the rigid box has
 TESTS, SHORTEN, SLOW = (1, 2, 3), 0.02, 2.0e-3  # borders, strain, inertial number
 END = 0.6099  # of the runs: 3210 exchanges [s]
+#: Before the groups of a deck that is made of parts.
+HEAD = "&run title = '{}', gravity = 0.0, 0.0, -9.81{} /\n"
+ALONE = f", t_end = {END}"
 
 
 def text(name: str, **values: object) -> str:
@@ -103,7 +106,8 @@ def prepare_beds() -> None:
     write_h5(Path("bed.h5"), bed)
     for place, (x, y) in PLACES.items():
         tool = {"x": x, "y": y, "tip": TIP}
-        write(f"whole_{place}", text("whole", t_end=END), text("laws", packing="bed", **tool))
+        write(f"whole_{place}", HEAD.format("Cone in the whole bed", ALONE), text("whole"),
+              text("laws", packing="bed", **tool))  # fmt: skip
         for zone in ZONES:
             prepare_opened(f"{zone}_{place}", bed, tool, zone, layers(soil[zone]))
         prepare_box(f"box_{place}", bed, tool)
@@ -118,8 +122,9 @@ def prepare_opened(name: str, bed: Packing, tool: dict, zone: str, sections: str
     beside = np.abs(bed.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
     chosen = (beside < ZONES[zone][2] + 0.016) & (bed.x[:, 2] > 0.04)
     write_h5(folder / "awake.h5", without_cell(bed, chosen))
-    write(folder / "grains", text("grains"), text("laws", packing="awake", **tool))
-    write(folder / "solid", text("solid"), sections)
+    write(folder / "grains", HEAD.format("Grains around the cone", ""), text("grains"),
+          text("laws", packing="awake", **tool))  # fmt: skip
+    write(folder / "solid", HEAD.format("Bed around the cone", ""), text("solid"), sections)
     write(folder / "coupled", text("coupled", t_end=END, x=tool["x"], y=tool["y"],
                                    middle=TIP + 0.0502, within=ZONES[zone][0]))  # fmt: skip
 
@@ -133,7 +138,8 @@ def prepare_box(name: str, bed: Packing, tool: dict) -> None:
     beside = np.abs(inside.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
     inside.kind[(beside > free) | (inside.x[:, 2] < low)] = FIXED
     write_h5(Path(f"{name}_pack.h5"), inside)
-    write(name, text("box", t_end=END), text("laws", packing=f"{name}_pack", **tool))
+    write(name, HEAD.format("Cone in a rigid box", ALONE), text("box"),
+          text("laws", packing=f"{name}_pack", **tool))  # fmt: skip
 
 
 def without_cell(bed: Packing, chosen: np.ndarray) -> Packing:
