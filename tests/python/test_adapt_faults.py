@@ -66,7 +66,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes | float]:
     return {name: (folder / name).read_bytes() for name in TABLES} | {"took": took}
 
 
-@pytest.mark.parametrize("seed", [1, 2])
+@pytest.mark.parametrize("seed", [1])
 @pytest.mark.parametrize("who", [*SOLVERS, "talus-couple", "terminate"])
 def test_whoever_dies(who: str, seed: int, whole: dict, tmp_path: Path) -> None:
     """At a random moment; the run goes on from its last checkpoint to the same bits."""
