@@ -13,11 +13,7 @@ contains
   !> First of the reals that a bond keeps, > 0 where it holds; 0: the run has no bonds.
   pure integer(i4) function bond_at(places) result(at)
     class(kept_places_type), intent(in) :: places
-    integer(i4) :: k
-    at = 0
-    do k = 1, size(places%part)
-      if (places%part(k)%name == 'bond') at = places%part(k)%at
-    end do
+    at = places%first_of('bond')
   end function bond_at
 
   !> Bonds that a new list has no longer.

@@ -19,11 +19,7 @@ contains
   !> First of the reals that a bridge keeps, its volume; 0: the run has no bridges.
   pure integer(i4) function capillary_at(places) result(at)
     class(kept_places_type), intent(in) :: places
-    integer(i4) :: k
-    at = 0
-    do k = 1, size(places%part)
-      if (places%part(k)%name == 'capillary') at = places%part(k)%at
-    end do
+    at = places%first_of('capillary')
   end function capillary_at
 
   !> Bridges that formed and broke in a step.

@@ -2,6 +2,7 @@
 !! on the block.
 module dem_pull
   use talus_kinds, only: wp, i4
+  use talus_vectors, only: cross
   use dem_block, only: dem_block_type
   implicit none
   private
@@ -46,10 +47,4 @@ contains
     b%load%my(k) = b%load%my(k) + place(3)*force(1) - place(1)*force(3)
     b%load%mz(k) = b%load%mz(k) + place(1)*force(2) - place(2)*force(1)
   end subroutine add_pull
-
-  pure function cross(a, b) result(c)
-    real(wp), intent(in) :: a(3), b(3)
-    real(wp) :: c(3)
-    c = [a(2)*b(3) - a(3)*b(2), a(3)*b(1) - a(1)*b(3), a(1)*b(2) - a(2)*b(1)]
-  end function cross
 end module dem_pull

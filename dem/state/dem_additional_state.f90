@@ -48,6 +48,8 @@ module dem_additional_state
   type :: kept_places_type
     integer(i4) :: reals = 0                  !! kept for a candidate
     type(kept_part_type) :: part(most_parts)  !! of all laws and models
+  contains
+    procedure :: first_of
   end type kept_places_type
 
   !> What contacts keep; empty unless active.
@@ -68,6 +70,17 @@ module dem_additional_state
   end type dem_additional_type
 
 contains
+
+  !> First of the reals that a law or model of this name keeps; 0: the run does not need it.
+  pure integer(i4) function first_of(self, name) result(at)
+    class(kept_places_type), intent(in) :: self
+    character(len=*), intent(in) :: name
+    integer(i4) :: k
+    at = 0
+    do k = 1, size(self%part)
+      if (self%part(k)%name == name) at = self%part(k)%at
+    end do
+  end function first_of
 
   !> Part of a base law, by its place in dem_law_registry.
   pure integer(i4) function part_of_law(kind) result(part)
