@@ -69,8 +69,7 @@ contains
     volume = [(cells%volume(e), e=1, cells%elements)]
     solid = sum(cells%mass)*sum(volume, o%sets%part == part_ghost)/sum(volume)
     mass_gap = 0.0_wp
-    if (solid > 0.0_wp) &
-      mass_gap = sum(o%pack%mass(o%sets%ghost), o%sets%ghost_spot%element > 0)/solid - 1.0_wp
+    if (solid > 0.0_wp) mass_gap = sum(o%pack%mass(o%sets%ghost))/solid - 1.0_wp
   end function mass_gap
 
   !> Of one element, as xx yy zz xy yz zx [Pa].

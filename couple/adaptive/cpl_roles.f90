@@ -1,11 +1,10 @@
 !> Which elements of the background mesh are whose as a body travels through the bed
-!! (theory-overlap, Conversion). Faults D460 to D462, N460.
+!! (theory-overlap, Conversion). Faults D460 to D462.
 !!
 !! Elements near the way of the body are opened, and those of ghosts that are strained much: grains
-!! there are free. The outer layers of the opened elements keep nodes,
-!! which follow the free grains; in those inside there is no continuum. Layers around them hold
-!! ghosts. What was opened once stays open, until far behind the body it holds nothing any more
-!! (eq. C.20) or closes (cpl_closing).
+!! there are free. The outer layers of the opened elements keep nodes, which follow the free grains;
+!! in those inside there is no continuum. Layers around them hold ghosts. What was opened once stays
+!! open, until far behind the body it holds nothing any more (eq. C.20) or closes (cpl_closing).
 module cpl_roles
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -155,8 +154,7 @@ contains
     is_due = mod(step, self%every) == 0
   end function is_due
 
-  !> Parts of the elements from a time on, until the next plan but one. N460: an opened element at
-  !! the end of the mesh where the body goes has no ghosts before it.
+  !> Parts of the elements from a time on, until the next plan but one.
   subroutine plan(self, cells, time, spell, part, closing, strained)
     class(roles_type), intent(in) :: self
     type(cells_type), intent(in) :: cells
