@@ -16,7 +16,7 @@ module dem_candidates
   use dem_ellipsoid, only: matrix_times
   implicit none
   private
-  public :: list_type, list_grain_pairs, list_plane_pairs, slot_of, in_contact
+  public :: list_type, list_grain_pairs, list_plane_pairs, slot_of
   public :: bands, geometries, first_border_group, first_rim_group, first_ghost_group, &
     first_wall_group
 

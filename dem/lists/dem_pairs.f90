@@ -8,8 +8,7 @@ module dem_pairs
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
     dem_cell_type, kind_free, kind_mirror, lanes, body_size, history_size, &
     history_side, history_root, result_size, column_count, entries_ahead
-  use dem_candidates, only: list_type, list_grain_pairs, list_plane_pairs, in_contact, bands, &
-    geometries, &
+  use dem_candidates, only: list_type, list_grain_pairs, list_plane_pairs, bands, geometries, &
     first_border_group, first_rim_group, first_ghost_group, first_wall_group
   use dem_cell, only: list_in_cell
   use dem_additional_list, only: move_additional, mark_touched
@@ -18,7 +17,7 @@ module dem_pairs
   use dem_prescribed, only: put_body
   implicit none
   private
-  public :: build_pairs, update_bodies, allocate_bodies, restore_normals
+  public :: build_pairs, update_bodies, allocate_bodies
 
   integer(i4), parameter :: many_results = 2**18  !! reals, 2 MB: more do not stay in the cache
 
@@ -111,19 +110,6 @@ contains
     if (cell%active) call list_in_cell(cell, 2.0_wp*max(maxval(grains%radius), 0.0_wp) &
                                        + pairs%skin)
   end subroutine build_pairs
-
-  !> Normals of pairs that nothing holds, as they were when the list was made.
-  pure subroutine restore_normals(pairs, normal)
-    type(dem_pairs_type), intent(inout) :: pairs
-    real(wp), intent(in) :: normal(:, :, :)  !! (lanes, 3, blocks)
-    integer(i4) :: k, lane
-    do k = 1, pairs%blocks
-      do lane = 1, lanes
-        if (.not. in_contact(pairs, (k - 1)*lanes + lane)) &
-          pairs%normal(lane, :, k) = normal(lane, :, k)
-      end do
-    end do
-  end subroutine restore_normals
 
   !> Give every pair its slot: by group, in the order of the list; pad the blocks of a group.
   subroutine order_blocks(pairs, grains, planes, list, slot)

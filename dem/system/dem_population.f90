@@ -11,7 +11,7 @@ module dem_population
   use dem_make, only: is_prescribed, prescribe_some
   use dem_membrane_forces, only: share_anew
   use dem_migrate, only: pack_grains, make_local
-  use dem_pairs, only: build_pairs, restore_normals
+  use dem_pairs, only: build_pairs
   use dem_prescribed, only: put_body
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_record_layout, only: touch_grain, at_body, at_first_id, at_second_id
@@ -153,16 +153,13 @@ contains
 
   !> Forces of the new list; no work is done, as no time passes. Pairs without contact begin the
   !! next step as they do on ranks that get their parts of the system: with the normals of the list,
-  !! not those found now.
+  !! which has parted them already.
   subroutine find_forces(d)
     type(dem_data_type), intent(inout) :: d
     type(dem_ledger_type) :: before
-    real(wp), allocatable :: normal(:, :, :)
     before = d%ledger
-    allocate (normal, source=d%pairs%normal)
     call evaluate_forces(d, 0.0_wp)
     d%ledger = before
-    call restore_normals(d%pairs, normal)
     if (d%surfaces%n > 0) call list_near(d)
   end subroutine find_forces
 
