@@ -5,6 +5,7 @@ module fem_matter
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
+  use fem_geometry, only: keep_geometry
   use fem_mm_element, only: mm_response_type
   use fem_points, only: fem_points_type, fem_work_type
   use fem_points_tangent, only: assemble_tangent, point_tangent
@@ -41,9 +42,11 @@ contains
     self%weight = self%weight*elastic%factor
     if (self%micro%active) then
       call prepare_micro(self, mesh, dofs, elastic)
-    else if (.not. allocated(self%tangent)) then
-      allocate (self%tangent(elastic%components, elastic%components, elastic%points), &
-                source=0.0_wp)
+    else
+      call keep_geometry(mesh, dofs, elastic, self%geometry)
+      if (.not. allocated(self%tangent)) &
+        allocate (self%tangent(elastic%components, elastic%components, elastic%points), &
+                  source=0.0_wp)
     end if
     self%accepted_stress = self%stress
     self%accepted_state = self%state

@@ -5,8 +5,8 @@ module fem_points
   use talus_text, only: str
   use talus_ranks, only: ranks_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: fem_shape_type
   use fem_finite, only: fem_deformation_type
+  use fem_geometry, only: fem_geometry_type
   use fem_law, only: fem_law_box_type, at_flag, at_iterations, at_stored, at_dissipated, &
     at_numerical, common_size
   use fem_law_finite, only: at_ratio
@@ -18,7 +18,7 @@ module fem_points
   !> The present element, and the workspace of elements of one rule.
   type :: fem_work_type
     integer(i4) :: element = 0
-    type(fem_shape_type) :: shape
+    type(fem_geometry_type) :: geometry  !! where the body keeps none
     type(fem_deformation_type) :: motion
   end type fem_work_type
 
@@ -34,6 +34,7 @@ module fem_points
     integer(i4), allocatable :: law_of(:)     !! (elements)
     integer(i4) :: states = common_size       !! most of any law
     real(wp), allocatable :: weight(:)        !! (points) volume times factor [m^3]
+    type(fem_geometry_type), allocatable :: geometry(:)  !! (elements) unless it is too large
     real(wp), allocatable :: stress(:, :), accepted_stress(:, :)  !! (components, points) [Pa]
     real(wp), allocatable :: state(:, :), accepted_state(:, :)    !! (states, points)
     real(wp), allocatable :: tangent(:, :, :)  !! (components, components, points) [Pa]

@@ -5,15 +5,15 @@ module fem_points_tangent
   use fem_assembly, only: share_nodes, elements_at
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: element_shape
-  use fem_finite, only: deform, finite_tangent
+  use fem_finite, only: fem_deformation_type, deform, finite_tangent
+  use fem_geometry, only: fem_geometry_type, make_geometry
   use fem_law_finite, only: fem_law_finite_type
   use fem_law_polar, only: fem_law_polar_type
   use fem_points, only: fem_points_type, fem_work_type
   use fem_polar_element, only: polar_tangent
   use fem_scatter, only: add_element, clear_rows
   use fem_sparse, only: fem_pattern_type
-  use fem_strain, only: volume_gradients, strain_matrix, add_product
+  use fem_strain, only: strain_matrix, add_product
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -56,8 +56,7 @@ contains
 
       call clear_rows(dofs, pattern, range, self%symmetric, k, lower)
       do r = 1, size(elastic%rule)
-        if (allocated(work%shape%weight)) &
-          deallocate (work%shape%weight, work%shape%u, work%shape%phi)
+        work%geometry = fem_geometry_type()
         if (allocated(ke)) deallocate (ke)
         i = 3*(elastic%rule(r)%nodes + dofs%parts*elastic%rule(r)%rotations)
         allocate (ke(i, i))
@@ -83,36 +82,49 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     type(fem_work_type), intent(inout) :: work
     real(wp), intent(out) :: ke(:, :)
-    real(wp) :: b(size(ke, 1), 6)
-    real(wp) :: fitted(size(ke, 1), elastic%rule(elastic%rule_of(work%element))%at%n)
-    integer(i4) :: e, q, p
-    e = work%element
-    if (self%micro%active) then
-      ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), e)
-      return
-    end if
+    associate (e => work%element)
+      if (self%micro%active) then
+        ke = self%micro%stiffness(:size(ke, 1), :size(ke, 1), e)
+      else if (allocated(self%geometry)) then
+        call law_tangent(self, dofs, elastic, self%geometry(e), work%motion, e, ke)
+      else
+        call make_geometry(elastic%rule(elastic%rule_of(e)), mesh, dofs, e, work%geometry)
+        call law_tangent(self, dofs, elastic, work%geometry, work%motion, e, ke)
+      end if
+    end associate
+  end subroutine point_tangent
+
+  !> Tangent of element e by its kind of law.
+  subroutine law_tangent(self, dofs, elastic, geometry, motion, e, ke)
+    class(fem_points_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_geometry_type), intent(in) :: geometry
+    type(fem_deformation_type), intent(inout) :: motion
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: ke(:, :)
+    real(wp) :: b(size(ke, 1), 6), volume(size(ke, 1))
+    integer(i4) :: q, p
     ke = 0.0_wp
-    associate (rule => elastic%rule(elastic%rule_of(e)), &
-               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
-      call element_shape(rule%at, mesh%x(:, block(:rule%nodes)), work%shape)
+    volume = 0.0_wp
+    associate (rule => elastic%rule(elastic%rule_of(e)), first => elastic%point(e), &
+               last => elastic%point(e + 1) - 1, shape => geometry%shape)
       select type (law => self%law(self%law_of(e))%law)
       class is (fem_law_polar_type)
-        call polar_tangent(rule, work%shape, &
-                           self%tangent(:, :, elastic%point(e):elastic%point(e + 1) - 1), &
-                           self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
+        call polar_tangent(rule, shape, self%tangent(:, :, first:last), self%weight(first:last), ke)
         return
       class is (fem_law_finite_type)
-        call deform(rule, work%shape, self%u(:, block), work%motion, q)
-        call finite_tangent(law, rule, work%shape, work%motion, &
-                            self%weight(elastic%point(e):elastic%point(e + 1) - 1), ke)
+        call deform(rule, shape, self%u(:, dofs%block(dofs%start(e):dofs%start(e + 1) - 1)), &
+          motion, q)
+        call finite_tangent(law, rule, shape, motion, self%weight(first:last), ke)
         return
       end select
-      if (rule%bbar) call volume_gradients(rule, mesh%x(:, block), work%shape, fitted)
       do q = 1, rule%at%n
-        p = elastic%point(e) + q - 1
-        call strain_matrix(rule, work%shape, q, fitted(:, q), b)
+        p = first + q - 1
+        if (rule%bbar) volume = reshape(geometry%volume(:, :, q), [size(volume)])
+        call strain_matrix(rule, shape, q, volume, b)
         call add_product(int(size(ke, 1), i4), b, self%tangent(:6, :6, p), self%weight(p), ke)
       end do
     end associate
-  end subroutine point_tangent
+  end subroutine law_tangent
 end module fem_points_tangent

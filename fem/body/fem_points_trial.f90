@@ -5,8 +5,9 @@ module fem_points_trial
   use talus_kinds, only: wp, i4, i8
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_element, only: element_shape
+  use fem_element, only: fem_shape_type
   use fem_finite, only: deform, finite_force
+  use fem_geometry, only: fem_geometry_type, make_geometry
   use fem_law, only: integrate
   use fem_law_finite, only: fem_law_finite_type, at_ratio
   use fem_law_polar, only: fem_law_polar_type
@@ -14,7 +15,7 @@ module fem_points_trial
   use fem_points, only: fem_points_type, fem_work_type
   use fem_polar, only: full_of, symmetric_of
   use fem_polar_element, only: polar_answer
-  use fem_strain, only: volume_gradients, strain_of, add_force
+  use fem_strain, only: strain_of, add_force
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -107,58 +108,72 @@ contains
     real(wp), intent(in) :: moved(:, :)
     integer(i4), intent(in) :: list(:)
     integer(i4), intent(out) :: bad
+    type(fem_geometry_type) :: geometry
     type(fem_work_type) :: work
-    integer(i4) :: e, k, rule, failed
+    integer(i4) :: k, rule, failed
     bad = 0
     rule = 0
     do k = 1, size(list)
-      e = list(k)
-      work%element = e
-      if (allocated(work%shape%weight) .and. elastic%rule_of(e) /= rule) &
-        deallocate (work%shape%weight, work%shape%u, work%shape%phi)
-      rule = elastic%rule_of(e)
-      failed = 0
-      if (elastic%is_absent(e)) then
-        self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = 0.0_wp
-      else if (self%law(self%law_of(e))%law%finite) then
-        call deform_element(self, mesh, dofs, elastic, work, failed)
-      else if (self%law(self%law_of(e))%law%polar) then
-        call turn_element(self, mesh, dofs, elastic, moved, work, failed)
+      work%element = list(k)
+      if (allocated(self%geometry)) then
+        call work_element(self, dofs, elastic, moved, self%geometry(list(k)), work, failed)
       else
-        call update_element(self, mesh, dofs, elastic, moved, work, failed)
+        if (elastic%rule_of(list(k)) /= rule) geometry = fem_geometry_type()
+        rule = elastic%rule_of(list(k))
+        call make_geometry(elastic%rule(rule), mesh, dofs, list(k), geometry)
+        call work_element(self, dofs, elastic, moved, geometry, work, failed)
       end if
       if (bad == 0) bad = failed
     end do
   end subroutine work_part
 
-  subroutine update_element(self, mesh, dofs, elastic, moved, work, bad)
+  !> An element by its kind of law; `bad` is the first point without a state, 0 if there is none.
+  subroutine work_element(self, dofs, elastic, moved, geometry, work, bad)
     class(fem_points_type), intent(inout) :: self
-    type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: moved(:, :)
+    type(fem_geometry_type), intent(in) :: geometry
     type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
-    real(wp), dimension(3, elastic%rule(elastic%rule_of(work%element))%nodes) :: d, f, share
-    real(wp) :: fitted(size(d), elastic%rule(elastic%rule_of(work%element))%at%n)
+    bad = 0
+    associate (e => work%element)
+      if (elastic%is_absent(e)) then
+        self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = 0.0_wp
+      else if (self%law(self%law_of(e))%law%finite) then
+        call deform_element(self, dofs, elastic, geometry%shape, work, bad)
+      else if (self%law(self%law_of(e))%law%polar) then
+        call turn_element(self, dofs, elastic, moved, geometry%shape, e, bad)
+      else
+        call update_element(self, dofs, elastic, moved, geometry, e, bad)
+      end if
+    end associate
+  end subroutine work_element
+
+  subroutine update_element(self, dofs, elastic, moved, geometry, e, bad)
+    class(fem_points_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: moved(:, :)
+    type(fem_geometry_type), intent(in) :: geometry
+    integer(i4), intent(in) :: e
+    integer(i4), intent(out) :: bad
+    real(wp), dimension(3, elastic%rule(elastic%rule_of(e))%nodes) :: d, f
     real(wp) :: strain(6), stress(6), push(6), pressure
     logical :: good, wide
-    integer(i4) :: e, q, p, n
+    integer(i4) :: q, p, n
     bad = 0
-    e = work%element
     wide = size(self%stress, 1) > size(stress)  ! a body with micropolar parts
     associate (rule => elastic%rule(elastic%rule_of(e)), law => self%law(self%law_of(e))%law, &
-               block => dofs%block(dofs%start(e):dofs%start(e + 1) - 1))
+               first => dofs%start(e), last => dofs%start(e + 1) - 1)
       n = self%law(self%law_of(e))%law%states
-      call element_shape(rule%at, mesh%x(:, block), work%shape)
-      if (rule%bbar) call volume_gradients(rule, mesh%x(:, block), work%shape, fitted)
-      d = moved(:, block)
+      d = moved(:, dofs%block(first:last))
       f = 0.0_wp
       do q = 1, rule%at%n
         p = elastic%point(e) + q - 1
-        strain = strain_of(work%shape%u(:, :, q), d)
-        if (rule%bbar) share = reshape(fitted(:, q), [3, rule%nodes])
-        if (rule%bbar) strain(:3) = strain(:3) + (sum(share*d) - sum(strain(:3)))/3.0_wp
+        strain = strain_of(geometry%shape%u(:, :, q), d)
+        if (rule%bbar) strain(:3) = strain(:3) &
+          + (product_sum(geometry%volume(:, :, q), d) - sum(strain(:3)))/3.0_wp
         if (wide) then
           stress = self%accepted_stress(symmetric_of, p)
         else
@@ -176,33 +191,36 @@ contains
         if (rule%bbar) then
           pressure = sum(push(:3))/3.0_wp
           push(:3) = push(:3) - pressure
-          f = f + pressure*share
+          f = f + pressure*geometry%volume(:, :, q)
         end if
-        call add_force(work%shape%u(:, :, q), push, f)
+        call add_force(geometry%shape%u(:, :, q), push, f)
       end do
-      self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = f
+      self%nodal(:, first:last) = f
     end associate
   end subroutine update_element
 
+  !> Sum of products, component by component.
+  pure real(wp) function product_sum(a, b)
+    real(wp), intent(in), contiguous :: a(:, :), b(:, :)
+    product_sum = sum(a*b)
+  end function product_sum
+
   !> A micropolar element.
-  subroutine turn_element(self, mesh, dofs, elastic, moved, work, bad)
+  subroutine turn_element(self, dofs, elastic, moved, shape, e, bad)
     class(fem_points_type), intent(inout) :: self
-    type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: moved(:, :)
-    type(fem_work_type), intent(inout) :: work
+    type(fem_shape_type), intent(in) :: shape
+    integer(i4), intent(in) :: e
     integer(i4), intent(out) :: bad
-    integer(i4) :: e
-    e = work%element
     associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
                b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
-      call element_shape(rule%at, mesh%x(:, dofs%block(first:first + rule%nodes - 1)), work%shape)
       self%stress(:, a:b) = self%accepted_stress(:, a:b)
       self%state(:, a:b) = self%accepted_state(:, a:b)
       select type (law => self%law(self%law_of(e))%law)
       class is (fem_law_polar_type)
-        call polar_answer(law, rule, work%shape, moved(:, dofs%block(first:last)), &
+        call polar_answer(law, rule, shape, moved(:, dofs%block(first:last)), &
                           elastic%factor(a:b), self%stress(:, a:b), self%state(:, a:b), &
                           self%tangent(:, :, a:b), self%nodal(:, first:last), bad)
       end select
@@ -211,11 +229,11 @@ contains
   end subroutine turn_element
 
   !> An element at finite strain; where a point is turned inside out its volume ratio is kept.
-  subroutine deform_element(self, mesh, dofs, elastic, work, bad)
+  subroutine deform_element(self, dofs, elastic, shape, work, bad)
     class(fem_points_type), intent(inout) :: self
-    type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
+    type(fem_shape_type), intent(in) :: shape
     type(fem_work_type), intent(inout) :: work
     integer(i4), intent(out) :: bad
     integer(i4) :: e
@@ -223,15 +241,14 @@ contains
     e = work%element
     associate (rule => elastic%rule(elastic%rule_of(e)), a => elastic%point(e), &
                b => elastic%point(e + 1) - 1, first => dofs%start(e), last => dofs%start(e + 1) - 1)
-      call element_shape(rule%at, mesh%x(:, dofs%block(first:last)), work%shape)
-      call deform(rule, work%shape, self%u(:, dofs%block(first:last)), work%motion, bad)
+      call deform(rule, shape, self%u(:, dofs%block(first:last)), work%motion, bad)
       if (bad > 0) then
         self%state(at_ratio, a:b) = work%motion%ratio
         self%nodal(:, first:last) = 0.0_wp
       else
         select type (law => self%law(self%law_of(e))%law)
         class is (fem_law_finite_type)
-          call finite_force(law, work%shape, work%motion, self%weight(a:b), self%stress(:, a:b), &
+          call finite_force(law, shape, work%motion, self%weight(a:b), self%stress(:, a:b), &
                             self%state(:, a:b), self%nodal(:, first:last), bad)
         end select
       end if

@@ -1,5 +1,6 @@
 !> Points of laws with a state in a body: the linear law gives the stiffness and forces of linear
-!! assembly, tangents are those of the forces, threads change no bit, trials are put back.
+!! assembly, tangents are those of the forces, threads change no bit, trials are put back, geometry
+!! that is kept is that of the mesh.
 program test_fem_matter
   use, intrinsic :: omp_lib, only: omp_set_num_threads
   use talus_kinds, only: wp, i4
@@ -22,6 +23,8 @@ program test_fem_matter
   call check_linear('hex8_bbar')
   call check_tangent()
   call check_threads()
+  call check_geometry('hex8_full')
+  call check_geometry('hex8_bbar')
   call test%finish()
 
 contains
@@ -176,4 +179,32 @@ contains
                       .and. all(abs(body%system%lower - lower) <= 0.0_wp))
     end do
   end subroutine check_threads
+
+  !> Forces and stiffness with kept geometry have the bits of those without, also after nodes
+  !! have moved.
+  subroutine check_geometry(rule)
+    character(len=*), intent(in) :: rule
+    type(fem_body_type) :: body
+    real(wp), allocatable :: u(:, :), force(:, :), anew(:, :), old(:, :), k(:, :, :)
+    integer(i4) :: bad
+    call make_cube(rule, .true., body)
+    u = noise(body%dofs%blocks, 2.0e-3_wp)
+    allocate (force, anew, old, mold=u)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, old, bad)
+    body%mesh%x = body%mesh%x + 50.0_wp*u
+    call body%assemble()
+    call test%check(rule//': geometry is kept', allocated(body%matter%geometry))
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, force, bad)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    k = body%system%k
+    deallocate (body%matter%geometry)
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, anew, bad)
+    call body%matter%assemble(body%mesh, body%dofs, body%elastic, body%system%pattern, &
+      body%system%k, body%system%lower)
+    call test%check(rule//': forces of kept geometry', max_abs(force - anew) <= 0.0_wp)
+    call test%check(rule//': stiffness of kept geometry', max_abs(body%system%k(:, 1, :) &
+                                                                  - k(:, 1, :)) <= 0.0_wp)
+    call test%check(rule//': places count', max_abs(force - old) > 0.01_wp*max_abs(old))
+  end subroutine check_geometry
 end program test_fem_matter
