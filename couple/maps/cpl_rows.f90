@@ -51,16 +51,21 @@ contains
     self%first(1) = 1
   end subroutine begin_rows
 
+  !> Entries of column 0 are of a node that does not count here.
   subroutine add_row(self, column, weight)
     class(rows_type), intent(inout) :: self
     integer(i4), intent(in) :: column(:)
     real(wp), intent(in) :: weight(:)
-    integer(i4) :: at
+    integer(i4) :: at, e
     at = self%first(self%rows + 1)
-    self%column(at:at + size(column) - 1) = column
-    self%weight(at:at + size(column) - 1) = weight
+    do e = 1, size(column)
+      if (column(e) == 0) cycle
+      self%column(at) = column(e)
+      self%weight(at) = weight(e)
+      at = at + 1
+    end do
     self%rows = self%rows + 1
-    self%first(self%rows + 1) = at + size(column)
+    self%first(self%rows + 1) = at
   end subroutine add_row
 
   !> Give back the room that was not needed.

@@ -36,6 +36,7 @@ module cpl_sets
   type :: sets_type
     logical :: by_kind = .false.               !! grains know whether they are ghosts: free ones in
                                                !! elements of ghosts stay free
+    logical :: free_rim = .false.              !! no node follows the free grains
     integer(i4), allocatable :: part(:)        !! (elements) part_*
     integer(i4), allocatable :: free(:)        !! free grains under prescribed nodes
     integer(i4), allocatable :: ghost(:)
@@ -75,8 +76,8 @@ contains
     call check_depth(self, cells, errors)
   end subroutine sort
 
-  !> Nodes of the free grains' elements are prescribed; all others that ghosts or they reach are of
-  !! the edge. I423: an element with ghosts but without a free node.
+  !> Nodes of the free grains' elements are prescribed, unless the rim is free; all others that
+  !! ghosts or they reach are of the edge. I423: an element with ghosts but without a free node.
   subroutine sort_nodes(self, cells, errors)
     type(sets_type), intent(inout) :: self
     type(cells_type), intent(in) :: cells
@@ -90,12 +91,13 @@ contains
     used = .false.
     allocate (bad(0))
     do e = 1, cells%elements
-      if (self%part(e) == part_free) prescribed(cells%nodes_of(e)) = .true.
+      if (self%part(e) == part_free .and. .not. self%free_rim) &
+        prescribed(cells%nodes_of(e)) = .true.
     end do
     allocate (self%fast(cells%elements))
     do e = 1, cells%elements
       associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
-        if (self%part(e) /= part_none) used(node) = .true.
+        if (is_continuum(self, e)) used(node) = .true.
         self%fast(e) = self%part(e) /= part_free .and. self%part(e) /= part_none .and. &
                        any(prescribed(node))
         if (self%part(e) == part_ghost .and. all(prescribed(node))) bad = [bad, e]
@@ -109,6 +111,14 @@ contains
       'no free node, such as '//list(int(bad, i8)), '', 'all their nodes belong to elements of '// &
       'free grains: give these elements to free_elements, or let the layers of both be blocks')
   end subroutine sort_nodes
+
+  !> Has element e continuum? Where free grains are it is what their nodes carry.
+  pure logical function is_continuum(self, e)
+    type(sets_type), intent(in) :: self
+    integer(i4), intent(in) :: e
+    is_continuum = self%part(e) /= part_none .and. .not. (self%free_rim .and. &
+                                                          self%part(e) == part_free)
+  end function is_continuum
 
   !> A grain that is a ghost already moves with the element of ghosts that it is in or just beside:
   !! within its element it does not stand where the nodes alone would carry it.

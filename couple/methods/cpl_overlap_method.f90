@@ -129,6 +129,7 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: said
+    if (run%choices%overlap%free_rim) return  ! no node follows them
     call run%timers%start('audit and log')
     associate (wanted => run%choices%overlap)
       call check_after(self%o, wanted%remap, wanted%leaving, t1, said, errors)

@@ -86,7 +86,7 @@ contains
       call self%forces%init(op%free, op%ghosts, op%nodes, op%nodes_phi, op%prescribed, &
         op%prescribed_phi)
       call self%map%init(x(:, sets%free), x(:, sets%ghost), self%cells%x(:, op%node), &
-                         op%nodes_phi, sets%free_spot%element > 0)
+                         op%nodes_phi, sets%free_spot%element > 0 .and. .not. sets%free_rim)
       allocate (self%own%held(3, op%nodes), self%own%held_phi(3, op%nodes_phi), source=.false.)
       call self%own%take_masses(self%cells%mass(op%node), self%cells%inertia(op%node_phi))
     end associate

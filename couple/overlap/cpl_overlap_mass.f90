@@ -16,13 +16,25 @@ module cpl_overlap_mass
   use cpl_sets, only: part_ghost, part_free, part_none
   implicit none
   private
-  public :: share_mass, prescribed_shares, damp_fine_scale
+  public :: own_rim, share_mass, prescribed_shares, damp_fine_scale
 
   integer(i4), parameter :: sharers = 8          !! grains that a node's mass goes to
   integer(i4), parameter :: named = 5            !! grains that a message names
   real(wp), parameter :: least_factor = 0.05_wp  !! on the mass of a grain
 
 contains
+
+  !> Nodes of a free rim own what elements outside give them, by the mesh as it was at the start:
+  !! nothing moves the nodes over free grains, so that elements there are no measure later.
+  subroutine own_rim(o)
+    type(overlap_type), intent(inout) :: o
+    type(cells_type) :: start
+    if (.not. o%sets%free_rim) return
+    start = o%cells
+    if (allocated(o%map%base)) call o%cells%place(o%cells%x - o%map%base, start)
+    call o%own%take_masses(o%cells%mass(o%op%node)*outside_share(o, start, o%op%node), &
+      o%cells%inertia(o%op%node_phi)*outside_share(o, start, o%op%node_phi))
+  end subroutine own_rim
 
   !> Factors on the masses of the free grains, or masses of the prescribed nodes. I429: grains that
   !! would keep less than a twentieth of their mass.
@@ -124,7 +136,7 @@ contains
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: mass(:)
     associate (node => o%op%node(:o%op%prescribed))
-      mass = o%cells%mass(node)*outside_share(o, node)
+      mass = o%cells%mass(node)*outside_share(o, o%cells, node)
     end associate
   end subroutine prescribed_shares
 
@@ -133,25 +145,26 @@ contains
     type(overlap_type), intent(in) :: o
     real(wp), intent(out) :: inertia(:)
     associate (node => o%op%node_phi(:o%op%prescribed_phi))
-      inertia = o%cells%inertia(node)*outside_share(o, node)
+      inertia = o%cells%inertia(node)*outside_share(o, o%cells, node)
     end associate
   end subroutine prescribed_inertias
 
   !> Share of nodes that elements without free grains give [-].
-  pure function outside_share(o, nodes) result(share_of)
+  pure function outside_share(o, cells, nodes) result(share_of)
     type(overlap_type), intent(in) :: o
+    type(cells_type), intent(in) :: cells
     integer(i4), intent(in) :: nodes(:)
     real(wp) :: share_of(size(nodes))
-    real(wp) :: inside(o%cells%nodes), outside(o%cells%nodes), share(most_nodes)
+    real(wp) :: inside(cells%nodes), outside(cells%nodes), share(most_nodes)
     integer(i4) :: e, n
 
     inside = 0.0_wp
     outside = 0.0_wp
-    do e = 1, o%cells%elements
-      associate (node => o%cells%node(o%cells%start(e):o%cells%start(e + 1) - 1))
+    do e = 1, cells%elements
+      associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
         n = size(node)
-        call o%cells%shares(e, share)
-        if (n > corner_count(o%cells%kind(e))) share(:n) = o%cells%volume(e)
+        call cells%shares(e, share)
+        if (n > corner_count(cells%kind(e))) share(:n) = cells%volume(e)
         if (o%sets%part(e) == part_free .or. o%sets%part(e) == part_none) then
           inside(node) = inside(node) + share(:n)
         else

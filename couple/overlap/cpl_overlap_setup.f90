@@ -23,7 +23,7 @@ module cpl_overlap_setup
   use cpl_overlap_hold, only: hold_solid, hold_beyond, hold_weight
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
-  use cpl_overlap_mass, only: share_mass, damp_fine_scale
+  use cpl_overlap_mass, only: own_rim, share_mass, damp_fine_scale
   use cpl_overlap_parts, only: begin_parts
   use cpl_overlap_static, only: begin_static
   use cpl_overlap_start, only: start_type, prepare_start, balance_start
@@ -70,6 +70,7 @@ contains
       o%op%micro%rigid = choices%overlap%micro_deformation == 'spins'
     end if
     if (choices%overlap%partition == 'share') o%sets%least_depth = 1.5_wp  ! nothing fades
+    o%sets%free_rim = choices%overlap%free_rim
     call o%sets%sort(o%cells, o%pack, errors)
     if (errors%any()) return
     if (choices%overlap%remap > 0.0_wp .and. .not. choices%overlap%bound) &
@@ -91,6 +92,7 @@ contains
     o%rules%reads_force = choices%overlap%mass == 'consistent' .or. o%rules%static
     o%rules%reads_speed = o%rules%reads_force .or. choices%overlap%fine_damping > 0.0_wp
     call o%allocate_state()
+    call own_rim(o)
     call o%op%identity_error(o%map%x_free, o%map%x_node, o%map%x_ghost, o%map%identity, errors)
     o%map%sets_hash = hash_of(o)
   end subroutine make_overlap

@@ -23,6 +23,7 @@ module cpl_overlap_choices
     character(len=:), allocatable :: micro_deformation  !! of nodes over free grains
     logical :: micro_deformation_given = .false.
     logical :: dead_load = .true.
+    logical :: free_rim = .false.      !! no node follows the free grains
     character(len=:), allocatable :: method
     logical :: bound = .false.         !! grains of the overlap are free and bound to the nodes
     character(len=:), allocatable :: multipliers
@@ -72,6 +73,7 @@ contains
     call deck%get('overlap', 1, 'leaving', choices%leaving)
     call deck%get('overlap', 1, 'initial', choices%initial)
     choices%dead_load = choices%initial == 'dead_load'
+    call read_rim(deck, choices)
     call read_moduli(deck, choices)
     call read_method(deck, choices)
     if (deck%given('clock', 1, 'scheme')) &
@@ -89,6 +91,16 @@ contains
     call deck%get('overlap', 1, 'multipliers', choices%multipliers)
     call deck%get('overlap', 1, 'least_weight', choices%least_weight)
   end subroutine read_method
+
+  !> Whether nodes follow the free grains: where none does no mass goes to a grain.
+  subroutine read_rim(deck, choices)
+    type(deck_type), intent(in) :: deck
+    type(overlap_choices_type), intent(inout) :: choices
+    character(len=:), allocatable :: rim
+    call deck%get('overlap', 1, 'rim_nodes', rim)
+    choices%free_rim = rim == 'free'
+    if (choices%free_rim) choices%mass = 'projected'
+  end subroutine read_rim
 
   !> Where the solid's moduli come from.
   subroutine read_moduli(deck, choices)

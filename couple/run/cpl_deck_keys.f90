@@ -381,7 +381,7 @@ contains
 
   subroutine group_overlap(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('overlap', 25, &
+    call table%add_group('overlap', 26, &
       'Grains and solid overlap: free grains move the nodes over them, ghost grains ' &
       //'follow the solid, and energy is counted once. A deck has exactly one of facets ' &
       //'and overlap.')
@@ -466,6 +466,7 @@ contains
       //'`''mls''`, moving least squares around each node, without a system of equations.')
     call table%preset('l2')
     call table%allow('l2|mls')
+    call table%choice_with('mls', 'rim_nodes', 'follow')
     call table%add_key('weights', 'string', '', &
       'Weights of the grains in the projection; with `''mass''` the fine scale carries no' &
       //' momentum that the nodes see.')
@@ -528,6 +529,17 @@ contains
     call table%preset('dead_load')
     call table%allow('dead_load|stress|none')
     call table%choice_with('stress', 'method', 'bridging_scale')
+    call table%add_key('rim_nodes', 'string', '', &
+      'Nodes between elements of free grains and of ghosts: `''follow''`, they and all ' &
+      //'nodes over free grains follow these; `''free''`, they are nodes of the solid, none' &
+      //' follows the grains, and contacts between free grains and ghosts alone join ' &
+      //'both. Free grains keep all their room to the ghosts then: take it where the bed ' &
+      //'flows ([theory](../../manual/theory-overlap.md#a-free-rim)).')
+    call table%preset('follow')
+    call table%allow('follow|free')
+    call table%choice_with('free', 'method', 'bridging_scale')
+    call table%choice_with('free', 'scheme', 'symmetric|state_at_n')
+    call table%choice_with('free', 'initial', 'dead_load|none')
     call table%add_key('mass', 'string', '', &
       'Mass that elements outside give to nodes that follow free grains: ' &
       //'`''consistent''`, it stays there and its inertia is returned to the grains in ' &
@@ -538,6 +550,7 @@ contains
     call table%preset('auto')
     call table%allow('auto|consistent|projected|nearest')
     call table%only_with('method', 'bridging_scale')
+    call table%only_with('rim_nodes', 'follow')
     call table%choice_with('consistent', 'weights', 'mass')
     call table%choice_with('consistent', 'projection', 'l2')
     call table%add_key('ghost_contacts', 'string', '', &
@@ -549,6 +562,11 @@ contains
     call table%allow('step|exchange')
     call table%only_with('method', 'bridging_scale')
     call table%choice_with('exchange', 'scheme', 'symmetric')
+    call group_overlap_5(table)
+  end subroutine group_overlap_4
+
+  subroutine group_overlap_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('fine_damping', 'real', '1/s', &
       'Rate at which the motion of free grains that the nodes do not see is damped at ' &
       //'the ghosts, fading to the far end of the elements: waves that the mesh cannot ' &
@@ -557,11 +575,7 @@ contains
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000.0_wp)
     call table%only_with('method', 'bridging_scale')
-    call group_overlap_5(table)
-  end subroutine group_overlap_4
-
-  subroutine group_overlap_5(table)
-    type(key_table_type), intent(inout) :: table
+    call table%only_with('rim_nodes', 'follow')
     call table%add_key('remap', 'real', '', &
       'Motion of a free grain past the nodes, over the length of an element, beyond ' &
       //'which the projection is rebuilt from where all are (logged); 0 never. Grains ' &
@@ -570,6 +584,7 @@ contains
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%only_with('method', 'bridging_scale')
+    call table%only_with('rim_nodes', 'follow')
     call table%add_key('leaving', 'string', '', &
       'What happens when a free grain leaves the elements of the free grains: ' &
       //'`''remap''`, the projection is rebuilt without it (and with those that came), a ' &
@@ -578,6 +593,7 @@ contains
     call table%preset('remap')
     call table%allow('remap|log|stop')
     call table%only_with('method', 'bridging_scale')
+    call table%only_with('rim_nodes', 'follow')
     call table%add_key('moduli', 'string', '', &
       'Moduli of the solid: `''deck''`, its deck''s own; `''probed''`, those that talus-dem ' &
       //'has probed on the pack (`probe`); `''affine''`, the sum over the contacts of the ' &

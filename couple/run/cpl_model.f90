@@ -5,7 +5,7 @@
 module cpl_model
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, string_type, append_string
-  use talus_errors, only: error_list_type, exit_stopped, exit_input
+  use talus_errors, only: error_list_type, exit_stopped, exit_input, exit_numerical
   use talus_options, only: options_type
   use talus_deck_table, only: key_table_type
   use talus_files, only: make_folder, remove_empty_folder, remove_file, folder_exists, &
@@ -329,6 +329,7 @@ contains
     if (.not. (self%stopped .or. errors%any())) &
       call health%complain(self%run%deck%source%path, errors)
     exit_code = errors%exit_code()
+    if (exit_code == exit_input .and. self%method%step > self%first_step) exit_code = exit_numerical
     if (exit_code == 0 .and. self%stopped) exit_code = exit_stopped
     if (self%begun_log .and. exit_code /= exit_input .and. .not. self%opened) &
       call self%open_log(ignored)

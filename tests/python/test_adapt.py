@@ -19,13 +19,16 @@ def run(folder: Path, *words: str) -> subprocess.CompletedProcess:
 
 
 def use_contacts(folder: Path, contacts: str) -> None:
-    """Evaluate the contacts of ghosts with each other in every step, or once an exchange."""
+    """Evaluate contacts of ghosts in every step or once an exchange; 'free': also a free rim."""
     deck = folder / "coupled.nml"
-    text = deck.read_text().replace("&overlap ", f"&overlap ghost_contacts = '{contacts}', ")
+    when = "exchange" if contacts == "free" else contacts
+    text = deck.read_text().replace("&overlap ", f"&overlap ghost_contacts = '{when}', ")
+    if contacts == "free":
+        text = text.replace("&overlap ", "&overlap rim_nodes = 'free', ")
     deck.write_text(text)
 
 
-@pytest.mark.parametrize("contacts", ["step", "exchange"])
+@pytest.mark.parametrize("contacts", ["step", "exchange", "free"])
 def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None:
     """Grains wake and ghosts become free; nothing moves, and all have the contacts of the bed."""
     write(tmp_path)
@@ -47,7 +50,7 @@ def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None
     assert np.abs(last["x"] - x).max() < 1e-9 * D
 
 
-@pytest.mark.parametrize("contacts", ["step", "exchange"])
+@pytest.mark.parametrize("contacts", ["step", "exchange", "free"])
 def test_a_restart_has_the_same_bits(contacts: str, tmp_path: Path) -> None:
     """From every checkpoint, before and between conversions."""
     write(tmp_path, ", keep_behind = 4.0e-3, hold_behind = 1.0e-3")
@@ -185,7 +188,7 @@ def test_a_body_beside_the_bed_opens_nothing(tmp_path: Path) -> None:
     assert "error I421: 0 free grains" in done.stderr
 
 
-@pytest.mark.parametrize("contacts", ["step", "exchange"])
+@pytest.mark.parametrize("contacts", ["step", "exchange", "free"])
 def test_a_bed_that_flies_keeps_its_momentum(contacts: str, tmp_path: Path) -> None:
     """Conversions bring no momentum or kinetic energy where the solid has the mass of grains."""
     write(tmp_path)

@@ -65,6 +65,7 @@ class Run:
     more: str = ""
     m: int = 1
     domain: str = ""  # multipliers of a bridging domain eight elements long
+    rim: bool = False  # the rim is free
 
 
 def make(bar: Bar, case: Case, alone: bool = False) -> np.ndarray:
@@ -102,6 +103,8 @@ def run_one(case: Case, run: Run) -> tuple[np.ndarray, np.ndarray]:
     z = make(bar, case)
     steps = STEPS // run.m
     how = f"mass = '{run.mass}', partition = '{run.partition}', fine_damping = {run.damping:.17g}"
+    if run.rim:
+        how = f"rim_nodes = 'free', partition = '{run.partition}'"
     if run.domain:
         how = f"method = 'bridging_domain', multipliers = '{run.domain}'"
     values = deck_values(STEP, run.m, steps, how=how)
@@ -171,6 +174,12 @@ def judge(case: Case, curves: dict) -> None:
         case, "dashpots: change up to nw = 0.5", [curves["n = 4"], curves[near]], 0.5 / 4, 0.06,
         "of waves of 13 elements and less",
     )  # fmt: skip
+    for top, limit in ((0.25, 0.02), (0.5, 0.04)):
+        apart(
+            case, f"n = 4, free rim: closed form up to nw = {top}",
+            [curves["n = 4, free rim"], lambda w: closed_form(w, 4)], top / 4, limit,
+            "last grain and first node hang on one contact",
+        )  # fmt: skip
     judge_domain(case, curves)
     judge_choices(case, curves)
 
@@ -232,6 +241,7 @@ def run(case: Case) -> None:
         Run(4, "n = 4, mass = 'projected'", mass="projected"),
         Run(4, "n = 4, mass = 'nearest'", mass="nearest"),
         *(Run(4, f"n = 4, mass = '{m}', share", mass=m, partition="share") for m in MASSES),
+        Run(4, "n = 4, free rim", partition="share", rim=True),
         Run(4, "n = 4, dashpots close by", rest=8, more=lysmer),
         Run(4, "n = 4, m = 4", m=4),
         Run(4, "n = 4, domain, consistent", domain="consistent"),
