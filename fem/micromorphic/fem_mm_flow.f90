@@ -28,6 +28,7 @@ module fem_mm_flow
     type(mm_cone_type) :: cone(surfaces)
     logical :: plastic = .false.      !! any surface is on
     logical :: trapezoidal = .false.  !! second order in the step where both ends yield
+    logical :: exact_volume = .false. !! det Fp and det chi_p follow the flow exactly
     integer(i4) :: parts = 1          !! equal parts of a step, each of them one of its own
     real(wp) :: length = 1.0_wp       !! that makes gradients comparable to strains [m]
     real(wp) :: modulus = 0.0_wp      !! largest of the strains [Pa]: rounding of stresses
@@ -67,7 +68,9 @@ module fem_mm_flow
     real(wp) :: yield(surfaces)                 !! yield functions
     real(wp) :: f_unit(3, 3, surfaces), x_unit(3, 3), g_unit(3, 3, 3, surfaces)
     real(wp) :: lf(3, 3), lx(3, 3), lg(3, 3, 3)  !! theta times plastic gradients of the step
-    real(wp) :: yf(3, 3), yx(3, 3), yg(3, 3, 3)  !! the explicit part
+    real(wp) :: kf = 1.0_wp, kx = 1.0_wp         !! factors of the explicit part
+    real(wp), dimension(3, 3) :: drift_f, drift_x !! derivatives of their logarithms by lf, lx
+    real(wp) :: yf(3, 3), yx(3, 3), yg(3, 3, 3)  !! the explicit part, factors included
     real(wp) :: rf(3, 3), rx(3, 3), rg(3, 3, 3)  !! residuals
   end type mm_iterate_type
 
@@ -127,7 +130,7 @@ contains
     end do
     if (any(at%active)) then
       call units(law, at)
-      call residuals(old, at)
+      call residuals(law, old, at)
     end if
   end subroutine evaluate
 
@@ -163,7 +166,8 @@ contains
   end subroutine units
 
   !> R_F = 1 - theta L - Y_F, likewise for chi, (1 - theta L_chi) gp - theta L_grad - Y_G.
-  pure subroutine residuals(old, at)
+  pure subroutine residuals(law, old, at)
+    type(mm_law_type), intent(in) :: law
     type(mm_old_type), intent(in) :: old
     type(mm_iterate_type), intent(inout) :: at
     real(wp) :: f(3, 3), x(3, 3), g(3, 3, 3)
@@ -183,13 +187,32 @@ contains
       x = x + at%gamma(k)*old%x(:, :, k)
       g = g + at%gamma(k)*old%g(:, :, :, k)
     end do
-    at%yf = matmul(f, at%inverse_fp)
-    at%yx = matmul(x, at%inverse_xp)
-    at%yg = back(at, g)
+    if (law%exact_volume) then
+      call keep_volume(at%lf, at%kf, at%drift_f)
+      call keep_volume(at%lx, at%kx, at%drift_x)
+    end if
+    at%yf = at%kf*matmul(f, at%inverse_fp)
+    at%yx = at%kx*matmul(x, at%inverse_xp)
+    at%yg = at%kx*back(at, g)
     at%rf = identity - at%lf - at%yf
     at%rx = identity - at%lx - at%yx
     at%rg = at%gp - leg_one(at%lx, at%gp) - at%lg - at%yg
   end subroutine residuals
+
+  !> k = [det(1 - l) exp(tr l)]^(1/3), with which (1 - l) F = k F_n changes the volume by
+  !! exp(tr l), and the derivatives of ln k by l. eq. F.46
+  pure subroutine keep_volume(l, k, drift)
+    real(wp), intent(in) :: l(3, 3)
+    real(wp), intent(out) :: k, drift(3, 3)
+    real(wp) :: left_over(3, 3), det
+    left_over = identity - l
+    det = determinant(left_over)
+    k = 0.0_wp
+    drift = 0.0_wp
+    if (.not. det > 0.0_wp) return  ! no step of the flow: the residual says so
+    k = exp((log(det) + l(1, 1) + l(2, 2) + l(3, 3))/3.0_wp)
+    drift = (identity - transpose(inverse(left_over)))/3.0_wp
+  end subroutine keep_volume
 
   !> Start of a step from the state in `at`, evaluated with the strains of the start. The
   !! flow at the start counts only where the point yielded there: elsewhere it has no direction.
@@ -216,7 +239,8 @@ contains
   end subroutine start_step
 
   !> Derivatives of the residuals by the multiplier of surface k, packed as w, x, y (45).
-  pure function unit_columns(at, old, k) result(column)
+  pure function unit_columns(law, at, old, k) result(column)
+    type(mm_law_type), intent(in) :: law
     type(mm_iterate_type), intent(in) :: at
     type(mm_old_type), intent(in) :: old
     integer(i4), intent(in) :: k
@@ -228,6 +252,11 @@ contains
     if (k == 2) then
       x = old%theta*at%x_unit
       g = g + leg_one(x, at%gp)
+    end if
+    if (law%exact_volume) then
+      g = g + sum(at%drift_x*x)*at%yg
+      f = f + sum(at%drift_f*f)*at%yf
+      x = x + sum(at%drift_x*x)*at%yx
     end if
     if (old%theta < 1.0_wp) then
       f = f + matmul(old%f(:, :, k), at%inverse_fp)
@@ -337,7 +366,33 @@ contains
     call left(at%inverse_c, d_sum, a)
     call right(moved(:, :, :, 2), sum_flow, b)
     r%f = -a - b
+    if (law%exact_volume) call volume_of(at, r)
   end subroutine flow_of
+
+  !> Derivatives of the factors of the explicit part, from those of the flow, which r holds.
+  pure subroutine volume_of(at, r)
+    type(mm_iterate_type), intent(in) :: at
+    type(mm_residual_d_type), intent(inout) :: r
+    real(wp) :: df(lanes), dx(lanes)
+    integer(i4) :: i, j, k
+    df = 0.0_wp
+    dx = 0.0_wp
+    do j = 1, 3
+      do i = 1, 3
+        df = df + at%drift_f(i, j)*r%f(:, i, j)
+        dx = dx + at%drift_x(i, j)*r%x(:, i, j)
+      end do
+    end do
+    do j = 1, 3
+      do i = 1, 3
+        r%f(:, i, j) = r%f(:, i, j) + at%yf(i, j)*df
+        r%x(:, i, j) = r%x(:, i, j) + at%yx(i, j)*dx
+        do k = 1, 3
+          r%g(:, i, j, k) = r%g(:, i, j, k) + at%yg(i, j, k)*dx
+        end do
+      end do
+    end do
+  end subroutine volume_of
 
   !> Flow of the micro-surface: of chi_p, and of its gradient with it.
   pure subroutine micro_flow_of(at, share, d_inverse_c, dn, d, r)

@@ -229,7 +229,7 @@ contains
     system%matrix(system%parts + 1:system%n, system%parts + 1:system%n) = 0.0_wp
     do k = system%parts + 1, system%n
       s = system%surface(k - system%parts)
-      column = unit_columns(at, old, s)
+      column = unit_columns(law, at, old, s)
       system%matrix(:system%parts, k) = system%row(:system%parts) &
         *column(system%part(:system%parts))
       system%matrix(k, k) = -system%row(k)*law%cone(s)%a*law%cone(s)%a_flow &

@@ -116,9 +116,9 @@ contains
     call residual_of(law, at, old, none, d, r)
     if (.not. memory%empty) then
       call in_frame(at, memory, i, moved)
-      r%f = r%f - moved%w
-      r%x = r%x - moved%x
-      r%g = r%g - moved%y
+      r%f = r%f - at%kf*moved%w
+      r%x = r%x - at%kx*moved%x
+      r%g = r%g - at%kx*moved%y
       do k = 1, surfaces
         r%yield(:, k) = r%yield(:, k) &
           - law%cone(k)%a*cohesion_slope(law%cone(k), at%state%z(k))*memory%z(:, k, i)

@@ -1558,7 +1558,7 @@ contains
 
   subroutine group_micromorphic(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('micromorphic', 15, &
+    call table%add_group('micromorphic', 16, &
       'A micromorphic solid of finite strain, for `&section` and for `&micro_point`: 18' &
       //' moduli; plastic with `&cone`. Moduli for which the stored energy could be ' &
       //'negative are warned of.', repeats=.true.)
@@ -1621,6 +1621,12 @@ contains
       //' plastic step on.')
     call table%preset('backward_euler')
     call table%allow('backward_euler|trapezoidal')
+    call table%add_key('update', 'string', '', &
+      'Backward Euler of the plastic parts as it is, whose volume errs with the square ' &
+      //'of the step, or times the factor that makes their volumes those of the flow ' &
+      //'exactly.')
+    call table%preset('euler')
+    call table%allow('euler|exact_volume')
     call table%add_key('substeps', 'integer', '', &
       'Equal parts into which each step of the law is divided.')
     call table%preset('1')

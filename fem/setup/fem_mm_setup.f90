@@ -37,6 +37,13 @@ contains
     law%elastic = set_moduli(moduli, text == 'reduced')
     call deck%get('micromorphic', m, 'integration', text)
     law%trapezoidal = text == 'trapezoidal'
+    if (deck%given('micromorphic', m, 'update')) then
+      call deck%get('micromorphic', m, 'update', text)
+      law%exact_volume = text == 'exact_volume'
+    end if
+    if (law%trapezoidal .and. law%exact_volume) call deck%fault(errors, 'D350', &
+      "integration = 'trapezoidal' has no update of exact volume", 'micromorphic', m, 'update', &
+      "leave `integration` out, or take update = 'euler'")
     call deck%get('micromorphic', m, 'substeps', law%parts)
     law%modulus = maxval(abs(moduli(:7)))
     if (.not. law%modulus > 0.0_wp) call deck%fault(errors, 'D350', 'all moduli are zero', &

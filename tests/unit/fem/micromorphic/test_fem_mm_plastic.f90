@@ -9,7 +9,7 @@ program test_fem_mm_plastic
   use fem_mm_motion, only: mm_motion_type, packed_motion, unpacked_motion, packed_force
   use fem_mm_motion, only: elastic_tangent
   use fem_mm_plastic, only: mm_point_type, update_point, failure_text
-  use fem_mm_tensor, only: identity, inverse, leg_one
+  use fem_mm_tensor, only: determinant, identity, inverse, leg_one
   implicit none
   type(test_type) :: test
   real(wp), parameter :: o_s(9) = [ &
@@ -44,6 +44,10 @@ program test_fem_mm_plastic
   call check_step('reduced, all', solid([yes, yes, yes], yes, no), [yes, yes, yes, yes, yes])
   call check_tangent('trapezoidal', solid([yes, yes, yes], no, yes), 1)
   call check_tangent('substeps', in_parts(solid([yes, yes, yes], no, no), 5), 5)
+  call check_step('volume, macro', volumes(solid([yes, no, no], no, no)), [yes, no, no, no, no])
+  call check_step('volume', volumes(solid([yes, yes, yes], no, no)), [yes, yes, yes, yes, yes])
+  call check_tangent('volume, substeps', in_parts(volumes(solid([yes, yes, yes], no, no)), 5), 5)
+  call check_volume()
   call check_unloading()
   call check_order(solid([yes, no, yes], no, no), 1.0_wp)
   call check_order(solid([no, yes, yes], no, no), 1.0_wp)
@@ -84,6 +88,48 @@ contains
     law = one
     law%parts = parts
   end function in_parts
+
+  pure function volumes(one) result(law)
+    type(mm_law_type), intent(in) :: one
+    type(mm_law_type) :: law
+    law = one
+    law%exact_volume = .true.
+  end function volumes
+
+  !> det Fp = exp(B_psi gamma) of a cone, and of the micro-cone det chi_p too; backward Euler is
+  !! wrong by half the square of the step.
+  subroutine check_volume()
+    type(mm_law_type) :: law
+    type(mm_state_type) :: start
+    type(mm_point_type) :: point
+    real(wp) :: off(2), wanted, wanted_f
+    law = volumes(solid([yes, yes, yes], no, no))
+    call update_point(law, [motion_at(0.0_wp), motion_at(1.0_wp)], start, point)
+    wanted = law%cone(2)%b_flow*point%gamma(2)
+    wanted_f = wanted + law%cone(1)%b_flow*point%gamma(1)
+    call test%check_close('det Fp', log(determinant(point%state%fp)), wanted_f, 1.0e-9_wp)
+    call test%check_close('det chi_p', log(determinant(point%state%xp)), wanted, 1.0e-9_wp)
+    off = [drift(1.0_wp), drift(0.5_wp)]
+    call test%check('backward Euler has another volume', off(1) > 1.0e-4_wp)
+    call test%check_close('of the order of the square', off(1)/off(2), 4.0_wp, 1.0_wp)
+  end subroutine check_volume
+
+  !> ln det Fp of a step of backward Euler less that of the flow, in simple shear whose
+  !! elastic part hardly counts.
+  real(wp) function drift(share)
+    real(wp), intent(in) :: share
+    type(mm_law_type) :: law
+    type(mm_state_type) :: start
+    type(mm_point_type) :: point
+    type(mm_motion_type) :: there
+    law = solid([yes, no, no], no, no)
+    law%cone(1) = make_cone([30.0_wp, 10.0_wp]*degree, [-1.0_wp, -1.0_wp], 1.0e-3_wp, 0.0_wp, &
+                            0.0_wp)
+    there%f(1, 2) = 0.03_wp*share
+    there%chi = there%f
+    call update_point(law, [motion_at(0.0_wp), there], start, point)
+    drift = log(determinant(point%state%fp)) - law%cone(1)%b_flow*point%gamma(1)
+  end function drift
 
   !> Values of a published unit test, for second- and third-order stress.
   subroutine check_published()
