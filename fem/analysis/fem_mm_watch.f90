@@ -7,6 +7,7 @@ module fem_mm_watch
   use talus_text, only: str
   use fem_body, only: fem_body_type
   use fem_law, only: at_flag
+  use fem_mm_cones, only: kind_cone
   use fem_mm_element, only: motion_at
   use fem_mm_ellipticity, only: least_determinant, determinant_along
   use fem_mm_flow, only: mm_law_type
@@ -52,11 +53,11 @@ contains
       short_number(normal(3, e))//'; from here on the width of bands may be that of elements')
   end subroutine watch_ellipticity
 
-  !> Softening, or a potential that is not the surface.
+  !> Softening, or a potential that is not the surface; closed surfaces can always soften.
   elemental logical function can_lose(law)
     type(mm_law_type), intent(in) :: law
-    can_lose = any(law%cone%on .and. (law%cone%hardening < 0.0_wp .or. &
-      abs(law%cone%b_flow - law%cone%b) > 0.0_wp))
+    can_lose = any(law%cone%on .and. (law%cone%kind /= kind_cone .or. law%cone%hardening < 0.0_wp &
+      .or. abs(law%cone%b_flow - law%cone%b) > 0.0_wp))
   end function can_lose
 
   !> The least determinant over the elastic one at the first point of an element that yields, 1 if

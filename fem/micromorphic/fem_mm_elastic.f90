@@ -14,7 +14,7 @@ module fem_mm_elastic
   private
   public :: mm_elastic_type, mm_strain_type, mm_dual_type, mm_stress_type
   public :: mm_strain_d_type, mm_dual_d_type, mm_stress_d_type
-  public :: set_moduli, duals, duals_of, couple, couple_of, stored_energy
+  public :: set_moduli, weakened, duals, duals_of, couple, couple_of, stored_energy
   public :: stresses, stresses_of, duals_from_stress, duals_from_stress_of
 
   !> The moduli: seven of the strains [Pa], eleven of the gradient [N].
@@ -72,6 +72,22 @@ contains
     law%reduced = reduced
     law%only_seventh = all(moduli(8:13) == 0.0_wp) .and. all(moduli(15:18) == 0.0_wp)
   end function set_moduli
+
+  !> The law plus a share of another one.
+  pure function weakened(law, share, other) result(sum_of)
+    type(mm_elastic_type), intent(in) :: law, other
+    real(wp), intent(in) :: share
+    type(mm_elastic_type) :: sum_of
+    sum_of = law
+    sum_of%lambda = law%lambda + share*other%lambda
+    sum_of%mu = law%mu + share*other%mu
+    sum_of%eta = law%eta + share*other%eta
+    sum_of%tau = law%tau + share*other%tau
+    sum_of%kappa = law%kappa + share*other%kappa
+    sum_of%nu = law%nu + share*other%nu
+    sum_of%sigma = law%sigma + share*other%sigma
+    sum_of%taus = law%taus + share*other%taus
+  end function weakened
 
   !> G^_KLM = C_KLMNPQ Gamma_NPQ with the eleven isotropic parts of C.
   pure function couple(law, gamma) result(g)

@@ -9,10 +9,13 @@
 !! eq. F.14
 module fem_mm_flow
   use talus_kinds, only: wp, i4
-  use fem_mm_cones, only: mm_cone_type, mm_surface_type, surfaces, surface_of, stress_slice
-  use fem_mm_cones, only: turn_surface, cohesion
+  use fem_mm_caps, only: breakage_after
+  use fem_mm_cones, only: mm_cone_type, mm_surface_type, mm_place_type, mm_turn_type, surfaces
+  use fem_mm_cones, only: kind_ellipse, stress_slice, cohesion
   use fem_mm_elastic, only: mm_elastic_type, mm_strain_type, mm_dual_type, mm_stress_type
   use fem_mm_elastic, only: mm_strain_d_type, mm_stress_d_type, duals, stresses, stresses_of
+  use fem_mm_elastic, only: weakened
+  use fem_mm_surfaces, only: surface_at, turn_surface
   use fem_mm_tensor, only: lanes, identity, inverse, determinant, leg_one, leg_two, leg_three
   use fem_mm_tensor, only: left, right, turned, leg_one_of, leg_two_of, leg_one_by, leg_two_by
   use fem_mm_tensor, only: leg_three_by
@@ -21,12 +24,16 @@ module fem_mm_flow
   public :: mm_law_type, mm_state_type, mm_old_type, mm_iterate_type, mm_change_type
   public :: mm_residual_d_type
   public :: pulled, evaluate, start_step, residual_of, change_strains, unit_columns
+  public :: energy_of, stress_by_breakage
 
   !> A micromorphic solid with friction.
   type :: mm_law_type
     type(mm_elastic_type) :: elastic
     type(mm_cone_type) :: cone(surfaces)
     logical :: plastic = .false.      !! any surface is on
+    logical :: breaks = .false.       !! the macro-surface is that of breakage
+    type(mm_elastic_type) :: fall     !! derivative of the moduli by the breakage
+    real(wp) :: theta(3) = 0.0_wp     !! of strains, gradients, micro-inertia
     logical :: trapezoidal = .false.  !! second order in the step where both ends yield
     logical :: exact_volume = .false. !! det Fp and det chi_p follow the flow exactly
     integer(i4) :: parts = 1          !! equal parts of a step, each of them one of its own
@@ -38,7 +45,8 @@ module fem_mm_flow
   type :: mm_state_type
     real(wp) :: fp(3, 3) = identity, xp(3, 3) = identity  !! plastic parts of F and chi [-]
     real(wp) :: gp(3, 3, 3) = 0.0_wp                       !! plastic part of grad chi [1/m]
-    real(wp) :: z(surfaces) = 0.0_wp                       !! hardening variables
+    !> hardening variables; of an ellipse ln det of the plastic part at the start, of breakage B
+    real(wp) :: z(surfaces) = 0.0_wp
     real(wp) :: dissipated = 0.0_wp                        !! per reference volume [J/m^3]
     real(wp) :: shifted = 0.0_wp                           !! work of stored energy on the flow
     logical :: yielded = .false.                           !! at the last step
@@ -59,6 +67,7 @@ module fem_mm_flow
     logical :: active(surfaces) = .false.
     real(wp) :: inverse_fp(3, 3), inverse_xp(3, 3), volume  !! volume: det Fp
     real(wp) :: gp(3, 3, 3)                     !! gp chi_p^-1 Fp^-1
+    type(mm_elastic_type) :: elastic            !! moduli with the breakage there is
     type(mm_strain_type) :: strain              !! elastic
     type(mm_dual_type) :: dual
     type(mm_stress_type) :: stress              !! in the intermediate configuration
@@ -66,6 +75,12 @@ module fem_mm_flow
     real(wp) :: x(3, 3, 3)                      !! Psi^-1 Gamma
     type(mm_surface_type) :: surface(surfaces)
     real(wp) :: yield(surfaces)                 !! yield functions
+    real(wp) :: cap(2) = 0.0_wp                 !! p_c of ellipses [Pa]
+    real(wp) :: pressure = 0.0_wp               !! of the macro-stress [Pa]
+    real(wp) :: energy_b = 0.0_wp               !! E_B [J/m^3]
+    real(wp) :: b_slope = 0.0_wp, b_keep = 1.0_wp  !! slopes of B by the multiplier and B before
+    type(mm_dual_type) :: fall                  !! derivatives of dual and stress by B
+    type(mm_stress_type) :: fallen
     real(wp) :: f_unit(3, 3, surfaces), x_unit(3, 3), g_unit(3, 3, 3, surfaces)
     real(wp) :: lf(3, 3), lx(3, 3), lg(3, 3, 3)  !! theta times plastic gradients of the step
     real(wp) :: kf = 1.0_wp, kx = 1.0_wp         !! factors of the explicit part
@@ -77,6 +92,7 @@ module fem_mm_flow
   !> Changes of the unknowns.
   type :: mm_change_type
     real(wp) :: w(lanes, 3, 3), x(lanes, 3, 3), y(lanes, 3, 3, 3)
+    real(wp) :: b(lanes) = 0.0_wp  !! of the breakage
   end type mm_change_type
 
   !> Derivatives of residuals, yield functions and stress.
@@ -117,22 +133,63 @@ contains
     at%gp = back(at, at%state%gp)
     at%strain = pulled(total, at)
     at%inverse_c = inverse(at%strain%c)
-    at%dual = duals(law%elastic, at%strain)
-    at%stress = stresses(law%elastic, at%strain, at%dual)
     at%state%z = old%state%z + law%cone%a_flow*at%gamma
+    at%elastic = law%elastic
+    if (law%breaks) call break_grains(law, old, at)
+    at%dual = duals(at%elastic, at%strain)
+    at%stress = stresses(at%elastic, at%strain, at%dual)
+    at%pressure = sum(at%strain%c*at%stress%s)/3.0_wp
+    if (any(law%cone(:2)%kind == kind_ellipse)) &
+      at%cap = law%cone(:2)%cap*exp(-law%cone(:2)%exponent &
+                  *(log([at%volume, determinant(at%state%xp)]) - at%state%z(:2)))
     at%yield = -1.0_wp
     do k = 1, surfaces
       if (.not. law%cone(k)%on) cycle
-      at%surface(k) = surface_of(law%cone(k), stress_slice(at%stress, k), at%strain%c, &
-                                 at%inverse_c)
-      at%yield(k) = at%surface(k)%norm + law%cone(k)%b*at%surface(k)%p - law%cone(k)%a &
-        *cohesion(law%cone(k), at%state%z(k))
+      at%surface(k) = surface_at(law%cone(k), place_of(law, at, k))
+      at%yield(k) = at%surface(k)%yield
     end do
     if (any(at%active)) then
       call units(law, at)
       call residuals(law, old, at)
     end if
   end subroutine evaluate
+
+  !> Breakage of the multiplier, the moduli it leaves, and derivatives by it.
+  pure subroutine break_grains(law, old, at)
+    type(mm_law_type), intent(in) :: law
+    type(mm_old_type), intent(in) :: old
+    type(mm_iterate_type), intent(inout) :: at
+    call breakage_after(law%cone(1), old%state%z(1), at%gamma(1), at%state%z(1), at%b_slope, &
+                        at%b_keep)
+    at%elastic = weakened(law%elastic, at%state%z(1), law%fall)
+    at%fall = duals(law%fall, at%strain)
+    at%fallen = stresses(law%fall, at%strain, at%fall)
+    at%energy_b = -energy_of(at%strain, at%fall)
+  end subroutine break_grains
+
+  !> Stored energy [J/m^3] of strains and its derivatives there.
+  pure real(wp) function energy_of(strain, dual)
+    type(mm_strain_type), intent(in) :: strain
+    type(mm_dual_type), intent(in) :: dual
+    energy_of = 0.5_wp*(0.5_wp*sum(dual%e*(strain%c - identity)) &
+      + sum(dual%p*(strain%psi - identity)) + sum(dual%g*strain%gamma))
+  end function energy_of
+
+  !> Where surface k is looked at.
+  pure function place_of(law, at, k) result(place)
+    type(mm_law_type), intent(in) :: law
+    type(mm_iterate_type), intent(in) :: at
+    integer(i4), intent(in) :: k
+    type(mm_place_type) :: place
+    place%c = at%strain%c
+    place%inverse_c = at%inverse_c
+    place%stress = stress_slice(at%stress, k)
+    place%strength = cohesion(law%cone(k), at%state%z(k))
+    if (k < 3) place%cap = at%cap(k)
+    place%pressure = at%pressure
+    place%energy = at%energy_b
+    if (k == 1 .and. law%breaks) place%breakage = at%state%z(1)
+  end function place_of
 
   !> g_jIJ chi_p^-1_IA Fp^-1_JB.
   pure function back(at, g) result(h)
@@ -303,8 +360,9 @@ contains
     type(mm_residual_d_type), intent(out) :: r
     real(wp), dimension(lanes, 3, 3, 3) :: dg, moved
 
-    call stresses_of(law%elastic, at%strain, at%dual, at%stress, at%inverse_c, d, r%stress)
-    call flow_of(law, at, old%theta, d, r)
+    call stresses_of(at%elastic, at%strain, at%dual, at%stress, at%inverse_c, d, r%stress)
+    if (law%breaks) call stress_by_breakage(at, change%b, r%stress)
+    call flow_of(law, at, old%theta, change, d, r)
     call right_by_left(at%yf, change%w, r%f)
     call right_by_left(at%yx, change%x, r%x)
     dg = change%y
@@ -316,6 +374,23 @@ contains
     call leg_three_by(1.0_wp, change%w, at%yg, r%g)
   end subroutine residual_of
 
+  !> Add what a change of the breakage does to the stress.
+  pure subroutine stress_by_breakage(at, b, stress)
+    type(mm_iterate_type), intent(in) :: at
+    real(wp), intent(in) :: b(lanes)
+    type(mm_stress_d_type), intent(inout) :: stress
+    integer(i4) :: i, j, k
+    do j = 1, 3
+      do i = 1, 3
+        stress%s(:, i, j) = stress%s(:, i, j) + at%fallen%s(i, j)*b
+        stress%sigma(:, i, j) = stress%sigma(:, i, j) + at%fallen%sigma(i, j)*b
+        do k = 1, 3
+          stress%m(:, i, j, k) = stress%m(:, i, j, k) + at%fallen%m(i, j, k)*b
+        end do
+      end do
+    end do
+  end subroutine stress_by_breakage
+
   !> Add y dw to r.
   pure subroutine right_by_left(y, dw, r)
     real(wp), intent(in) :: y(3, 3), dw(lanes, 3, 3)
@@ -326,22 +401,19 @@ contains
   end subroutine right_by_left
 
   !> The parts of `residual_of` that come from the flow, and the yield functions.
-  pure subroutine flow_of(law, at, theta, d, r)
+  pure subroutine flow_of(law, at, theta, change, d, r)
     type(mm_law_type), intent(in) :: law
     type(mm_iterate_type), intent(in) :: at
     real(wp), intent(in) :: theta
+    type(mm_change_type), intent(in) :: change
     type(mm_strain_d_type), intent(in) :: d
     type(mm_residual_d_type), intent(inout) :: r
-    real(wp) :: moved(lanes, 3, 3, 2), around(3, 3, 3), sum_flow(3, 3), share
+    type(mm_turn_type) :: turn
+    real(wp) :: sum_flow(3, 3), share
     real(wp), dimension(lanes, 3, 3) :: a, b, dn, d_sum
     integer(i4) :: k
 
-    call left(at%inverse_c, d%c, a)
-    call right(a, at%inverse_c, b)
-    moved(:, :, :, 1) = d%c
-    moved(:, :, :, 2) = -b
-    around(:, :, 1) = at%strain%c
-    around(:, :, 2) = at%inverse_c
+    call turn_around(law, at, change, d, r%stress%s, turn)
     r%x = 0.0_wp
     r%g = 0.0_wp
     r%yield = 0.0_wp
@@ -349,25 +421,77 @@ contains
     sum_flow = 0.0_wp
     do k = 1, surfaces
       if (.not. at%active(k)) cycle
-      around(:, :, 3) = stress_slice(at%stress, k)
-      if (k == 1) a = r%stress%s
-      if (k == 2) a = r%stress%sigma
-      if (k > 2) a = r%stress%m(:, :, :, k - 2)
-      call turn_surface(law%cone(k), at%surface(k), around, moved, a, r%yield(:, k), dn)
+      if (k == 1) then
+        turn%stress = r%stress%s
+      else if (k == 2) then
+        turn%stress = r%stress%sigma
+      else
+        turn%stress = r%stress%m(:, :, :, k - 2)
+      end if
+      if (k < 3) turn%cap = cap_of(law, at, k, change)
+      call turn_surface(law%cone(k), place_of(law, at, k), at%surface(k), turn, r%yield(:, k), dn)
       share = theta*at%gamma(k)
       if (k < 3) then
         call turned(dn, a)
         d_sum = d_sum + share*a
         sum_flow = sum_flow + share*transpose(at%surface(k)%flow)
       end if
-      if (k == 2) call micro_flow_of(at, share, moved(:, :, :, 2), dn, d, r)
+      if (k == 2) call micro_flow_of(at, share, turn%inverse_c, dn, d, r)
       if (k > 2) call gradient_flow_of(at, share, k, dn, d, r)
     end do
     call left(at%inverse_c, d_sum, a)
-    call right(moved(:, :, :, 2), sum_flow, b)
+    call right(turn%inverse_c, sum_flow, b)
     r%f = -a - b
     if (law%exact_volume) call volume_of(at, r)
   end subroutine flow_of
+
+  !> Derivatives of what all surfaces are looked at with.
+  pure subroutine turn_around(law, at, change, d, ds, turn)
+    type(mm_law_type), intent(in) :: law
+    type(mm_iterate_type), intent(in) :: at
+    type(mm_change_type), intent(in) :: change
+    type(mm_strain_d_type), intent(in) :: d
+    real(wp), intent(in) :: ds(lanes, 3, 3)  !! of the macro-stress
+    type(mm_turn_type), intent(out) :: turn
+    real(wp), dimension(lanes, 3, 3) :: a
+    integer(i4) :: i, j, k
+
+    call left(at%inverse_c, d%c, a)
+    call right(a, at%inverse_c, turn%inverse_c)
+    turn%inverse_c = -turn%inverse_c
+    turn%c = d%c
+    if (any(law%cone(3:)%of_macro)) then
+      do j = 1, 3
+        do i = 1, 3
+          turn%pressure = turn%pressure + (d%c(:, i, j)*at%stress%s(i, j) &
+            + at%strain%c(i, j)*ds(:, i, j))/3.0_wp
+        end do
+      end do
+    end if
+    if (.not. law%breaks) return
+    turn%breakage = change%b
+    do j = 1, 3
+      do i = 1, 3
+        turn%energy = turn%energy - 0.5_wp*at%fall%e(i, j)*d%c(:, i, j) &
+          - at%fall%p(i, j)*d%psi(:, i, j)
+        do k = 1, 3
+          turn%energy = turn%energy - at%fall%g(i, j, k)*d%gamma(:, i, j, k)
+        end do
+      end do
+    end do
+  end subroutine turn_around
+
+  !> Derivative of p_c of surface k by the volume of its plastic part.
+  pure function cap_of(law, at, k, change) result(d)
+    type(mm_law_type), intent(in) :: law
+    type(mm_iterate_type), intent(in) :: at
+    integer(i4), intent(in) :: k
+    type(mm_change_type), intent(in) :: change
+    real(wp) :: d(lanes)
+    d = change%w(:, 1, 1) + change%w(:, 2, 2) + change%w(:, 3, 3)
+    if (k == 2) d = change%x(:, 1, 1) + change%x(:, 2, 2) + change%x(:, 3, 3)
+    d = -law%cone(k)%exponent*at%cap(k)*d
+  end function cap_of
 
   !> Derivatives of the factors of the explicit part, from those of the flow, which r holds.
   pure subroutine volume_of(at, r)

@@ -4,11 +4,11 @@
 module fem_mm_plastic
   use talus_kinds, only: wp, i4
   use talus_text, only: str
-  use fem_mm_cones, only: surfaces, surface_name, stress_slice
+  use fem_mm_cones, only: surfaces, surface_name, open_yield, stress_slice
   use fem_mm_elastic, only: mm_strain_type, mm_stress_type, mm_dual_type
   use fem_mm_elastic, only: duals, stresses, duals_from_stress
   use fem_mm_flow, only: mm_law_type, mm_state_type, mm_old_type, mm_iterate_type, evaluate
-  use fem_mm_flow, only: start_step
+  use fem_mm_flow, only: start_step, energy_of
   use fem_mm_motion, only: mm_motion_type, mm_force_type, strains, forces, elastic_tangent
   use fem_mm_return, only: mm_system_type, return_to_surfaces
   use fem_mm_tangent, only: mm_memory_type, forget, carry, force_tangent
@@ -27,6 +27,8 @@ module fem_mm_plastic
     real(wp) :: stored = 0.0_wp               !! energy per reference volume [J/m^3]
     real(wp) :: gamma(surfaces) = 0.0_wp      !! multipliers of the (whole) step
     real(wp) :: yield(surfaces) = -1.0_wp     !! yield functions at the end
+    real(wp) :: cap(2) = 0.0_wp               !! p_c of the ellipses [Pa]
+    real(wp) :: breakage = 0.0_wp, energy_b = 0.0_wp  !! B, E_B [J/m^3]
     logical :: active(surfaces) = .false.     !! surfaces that yielded
     logical :: done = .true.                  !! else the fields are those of the last iterate
     integer(i4) :: substeps = 0, iterations = 0
@@ -71,7 +73,7 @@ contains
     call finish_point(law, motion(2), at, point)
     if (.not. (point%done .and. present(tangent))) return
     if (untouched(at%state)) then
-      call elastic_tangent(law%elastic, motion(2), point%force, tangent)
+      call elastic_tangent(at%elastic, motion(2), point%force, tangent)
     else
       call force_tangent(law, motion(2), at, memory, tangent)
     end if
@@ -123,6 +125,8 @@ contains
       if (.not. at%active(k)) cycle
       at%state%dissipated = at%state%dissipated + at%volume*at%gamma(k) &
         *sum(at%surface(k)%flow*stress_slice(at%stress, k))
+      if (k == 1 .and. law%breaks) at%state%dissipated = at%state%dissipated &
+        + at%volume*at%gamma(1)*at%energy_b*at%b_slope
       point%gamma(k) = point%gamma(k) + at%gamma(k)
     end do
     if (any(at%active(:2))) at%state%shifted = at%state%shifted + shift_of(at)
@@ -135,7 +139,7 @@ contains
     real(wp) :: l(3, 3)
     integer(i4) :: c, r
     l = at%gamma(1)*at%f_unit(:, :, 1) + at%gamma(2)*at%f_unit(:, :, 2)
-    shift_of = -energy(at)*(l(1, 1) + l(2, 2) + l(3, 3))
+    shift_of = -energy_of(at%strain, at%dual)*(l(1, 1) + l(2, 2) + l(3, 3))
     do r = 1, 3
       do c = 1, 3
         shift_of = shift_of + l(c, r)*sum(at%dual%g(:, :, r)*at%strain%gamma(:, :, c))
@@ -143,13 +147,6 @@ contains
     end do
     shift_of = at%volume*shift_of
   end function shift_of
-
-  !> Stored energy per intermediate volume [J/m^3].
-  pure real(wp) function energy(at)
-    type(mm_iterate_type), intent(in) :: at
-    energy = 0.5_wp*(0.5_wp*sum(at%dual%e*(at%strain%c - identity)) &
-      + sum(at%dual%p*(at%strain%psi - identity)) + sum(at%dual%g*at%strain%gamma))
-  end function energy
 
   !> Stresses of the reference configuration and forces at the end.
   pure subroutine finish_point(law, motion, at, point)
@@ -163,12 +160,17 @@ contains
 
     point%state = at%state
     point%yield = at%yield
+    point%cap = at%cap
+    if (law%breaks) then
+      point%breakage = at%state%z(1)
+      point%energy_b = at%energy_b
+    end if
     if (point%done) point%active = at%active
     a = at%inverse_fp
     point%stress%s = at%volume*matmul(a, matmul(at%stress%s, transpose(a)))
     point%stress%sigma = at%volume*matmul(a, matmul(at%stress%sigma, transpose(a)))
     point%stress%m = at%volume*leg_three(at%inverse_xp, leg_two(a, leg_one(a, at%stress%m)))
-    point%stored = at%volume*energy(at)
+    point%stored = at%volume*energy_of(at%strain, at%dual)
     total = strains(motion)
     dual = duals_from_stress(total, point%stress)
     point%force = forces(motion, dual)
@@ -190,7 +192,11 @@ contains
     do k = 1, surfaces
       if (.not. point%active(k)) cycle
       if (len(text) > 0) text = text//', '
-      text = text//trim(surface_name(k))//' (f = '//str(point%yield(k))//')'
+      if (point%yield(k) < open_yield) then
+        text = text//trim(surface_name(k))//' (f = '//str(point%yield(k))//')'
+      else
+        text = text//trim(surface_name(k))//' (breakage has no surface in tension)'
+      end if
     end do
     if (len(text) == 0) text = 'none'
     text = 'the return to the yield surfaces failed in 1/1024 of the step; active: '//text

@@ -5,9 +5,10 @@ module fem_mm_prestress
   use talus_kinds, only: wp, i4
   use talus_lapack, only: dsyev
   use talus_text, only: str
-  use fem_mm_cones, only: surfaces, surface_name
+  use fem_mm_cones, only: surfaces, surface_name, kind_ellipse
   use fem_mm_elastic, only: mm_elastic_type, mm_strain_type
   use fem_mm_flow, only: mm_law_type, mm_state_type, mm_old_type, mm_iterate_type, evaluate
+  use fem_mm_tensor, only: determinant
   implicit none
   private
   public :: start_state
@@ -29,6 +30,7 @@ contains
     type(mm_old_type) :: old
     type(mm_iterate_type) :: at
     type(mm_strain_type) :: none
+    real(wp) :: size_of(surfaces)
     integer(i4) :: info, k
 
     fault = ''
@@ -41,12 +43,18 @@ contains
       state%fp = matmul(axes*spread(1.0_wp/stretch, 1, 3), transpose(axes))
       state%xp = matmul(axes*spread(1.0_wp/micro, 1, 3), transpose(axes))
     end if
+    do k = 1, 2  ! p_c counts from here
+      if (law%cone(k)%kind == kind_ellipse) state%z(k) = log(merge(determinant(state%fp), &
+        determinant(state%xp), k == 1))
+    end do
     at%state = state
     old%state = state
     call evaluate(law, none, old, at)
-    k = int(maxloc(at%yield, 1), i4)
-    if (at%yield(k) > on_surface*law%modulus) fault = 'the initial stress lies outside the '// &
-      trim(surface_name(k))//' cone, f = '//str(at%yield(k))
+    size_of = law%modulus
+    if (law%breaks) size_of(1) = 1.0_wp
+    k = int(maxloc(at%yield/size_of, 1), i4)
+    if (at%yield(k) > on_surface*size_of(k)) fault = 'the initial stress lies outside the '// &
+      trim(surface_name(k))//' surface, f = '//str(at%yield(k))
   end subroutine start_state
 
   !> Principal stretches of F^e and chi^e: with P^ = 0, E^ is linear in E with the moduli of a

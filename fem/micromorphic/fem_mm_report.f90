@@ -1,15 +1,17 @@
-!> Checks of the moduli of a micromorphic solid before use: eigenvalues of the
-!! stored energy, the inequalities of isotropic strains by name, and the moduli of its limits.
+!> Checks of a micromorphic solid before use: eigenvalues of the stored energy, the inequalities of
+!! isotropic strains by name, the moduli of its limits, surfaces that call for a warning.
 module fem_mm_report
   use talus_kinds, only: wp, i4
   use talus_lapack, only: dsyev
   use talus_text, only: str
   use fem_mm_elastic, only: mm_elastic_type, mm_strain_type, mm_dual_type, duals, couple
+  use fem_mm_cones, only: kind_cone, kind_ellipse
+  use fem_mm_flow, only: mm_law_type
   use fem_mm_tensor, only: identity
   implicit none
   private
   public :: strain_form, gradient_form, eigenvalues, energy_warning, micropolar_limit
-  public :: homogeneous_limit, uniform_limit
+  public :: homogeneous_limit, uniform_limit, flow_warning, held_warning
 
   real(wp), parameter :: round_off = 1.0e-12_wp
 
@@ -94,6 +96,31 @@ contains
       - (3.0_wp*law%tau + 2.0_wp*law%sigma)**2, '(kappa + nu + 3 eta - 3 tau - 2 sigma) '// &
       '(3 lambda + 2 mu) > (3 tau + 2 sigma)^2', text)
   end function energy_warning
+
+  !> W304 where the potential of an ellipse is so steep that flow could give energy, '' elsewhere.
+  pure function flow_warning(law) result(text)
+    type(mm_law_type), intent(in) :: law
+    character(len=:), allocatable :: text
+    real(wp), parameter :: most = sqrt(2.0_wp)
+    text = ''
+    if (any(law%cone%kind == kind_ellipse .and. law%cone%slope_flow > most*law%cone%slope)) &
+      text = 'W304'//': flow_slope of an ellipse is more than sqrt(2) times critical_slope: '// &
+      'between the critical state and p = 0 plastic flow can give energy'
+  end function flow_warning
+
+  !> W305 where a closed macro-surface is to relieve a point whose chi is held, '' elsewhere.
+  pure function held_warning(law, held) result(text)
+    type(mm_law_type), intent(in) :: law
+    logical, intent(in) :: held
+    character(len=:), allocatable :: text
+    text = ''
+    if (.not. (held .and. law%cone(1)%on .and. law%cone(1)%kind /= kind_cone)) return
+    if (law%cone(2)%on .or. all([law%elastic%eta, law%elastic%tau, law%elastic%kappa, &
+                                 law%elastic%nu, law%elastic%sigma] == 0.0_wp)) return
+    text = 'W305'//': only the macro-surface yields where chi is held: stress that chi carries '// &
+      'goes on growing past the critical state; give the solid a surface of level micro too, '// &
+      'or leave chi free'
+  end function held_warning
 
   subroutine note(value, name, text)
     real(wp), intent(in) :: value

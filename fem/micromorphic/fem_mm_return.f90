@@ -4,7 +4,7 @@
 module fem_mm_return
   use talus_kinds, only: wp, i4
   use talus_lapack, only: dgetrf, dgetrs
-  use fem_mm_cones, only: surfaces, cohesion, cohesion_slope
+  use fem_mm_cones, only: surfaces, kind_cone, open_yield, cohesion_slope
   use fem_mm_elastic, only: mm_strain_type, mm_strain_d_type
   use fem_mm_flow, only: mm_law_type, mm_old_type, mm_iterate_type, mm_change_type
   use fem_mm_flow, only: mm_residual_d_type, evaluate, residual_of, change_strains, unit_columns
@@ -54,6 +54,8 @@ contains
     system%iterations = 0
     done = .true.
     if (.not. any(at%active)) return
+    done = all(at%yield < open_yield)  ! else there is nothing to return to
+    if (.not. done) return
     do pass = 1, most_sets
       call set_unknowns(law, at%active, scale, .false., system)
       call newton(law, total, old, at, system, done)
@@ -72,11 +74,13 @@ contains
     done = .false.
   end subroutine return_to_surfaces
 
-  !> Multipliers of gradients are rates of curvature: they are compared times the length.
+  !> Multipliers of gradients are rates of curvature: they are compared times the length; that of
+  !! breakage is an energy.
   pure function scale_of_gamma(law) result(scale)
     type(mm_law_type), intent(in) :: law
     real(wp) :: scale(surfaces)
     scale(:2) = 1.0_wp
+    if (law%breaks) scale(1) = law%cone(1)%energy
     scale(3:) = 1.0_wp/law%length
   end function scale_of_gamma
 
@@ -86,10 +90,10 @@ contains
     type(mm_law_type), intent(in) :: law
     type(mm_iterate_type), intent(in) :: at
     real(wp) :: scale(surfaces)
-    scale = at%surface%norm + abs(law%cone%b*at%surface%p) &
-      + law%cone%a*cohesion(law%cone, at%state%z)
+    scale = at%surface%size
     scale(:2) = max(scale(:2), least_strain*law%modulus)
     scale(3:) = max(scale(3:), least_strain*law%modulus*law%length)
+    if (law%breaks) scale(1) = 1.0_wp
     where (.not. scale > 0.0_wp) scale = 1.0_wp
   end function yield_scale
 
@@ -157,9 +161,11 @@ contains
         end if
         share = 0.5_wp*share
       end do
-      if (cut > most_cuts) return
+      if (cut > most_cuts) exit
       at = tried
     end do
+    ! a closed surface that does not belong to the set can stop it far from the end
+    done = any(law%cone%kind /= kind_cone) .and. any(at%active .and. at%gamma < 0.0_wp)
   end subroutine newton
 
   !> Scaled residuals.
@@ -235,9 +241,34 @@ contains
       system%matrix(k, k) = -system%row(k)*law%cone(s)%a*law%cone(s)%a_flow &
         *cohesion_slope(law%cone(s), at%state%z(s))
     end do
+    if (law%breaks .and. at%active(1)) call add_breakage(law, at, old, system)
     call dgetrf(system%n, system%n, system%matrix, most, system%pivot, info)
     system%singular = info /= 0
   end subroutine factor_system
+
+  !> Add what the breakage of the first multiplier does to its column.
+  pure subroutine add_breakage(law, at, old, system)
+    type(mm_law_type), intent(in) :: law
+    type(mm_iterate_type), intent(in) :: at
+    type(mm_old_type), intent(in) :: old
+    type(mm_system_type), intent(inout) :: system
+    type(mm_change_type) :: change
+    type(mm_strain_d_type) :: none
+    type(mm_residual_d_type) :: r
+    real(wp) :: rows(most, lanes)
+    integer(i4) :: k
+    change%w = 0.0_wp
+    change%x = 0.0_wp
+    change%y = 0.0_wp
+    change%b(1) = at%b_slope
+    none%c = 0.0_wp
+    none%psi = 0.0_wp
+    none%gamma = 0.0_wp
+    call residual_of(law, at, old, change, none, r)
+    call unpack_rows(system, r, rows)
+    k = system%parts + 1
+    system%matrix(:system%n, k) = system%matrix(:system%n, k) + rows(:system%n, 1)
+  end subroutine add_breakage
 
   !> Unit changes of the parts of a list, one a lane.
   pure subroutine seed_change(part, change)

@@ -21,18 +21,20 @@ module fem_mm_store
   integer(i4), parameter :: at_active = at_yield + surfaces   !! 1 for surfaces that yield
   integer(i4), parameter :: at_parts = at_active + surfaces   !! substeps
   integer(i4), parameter :: at_shifted = at_parts + 1         !! work of stored energy [J/m^3]
-  integer(i4), parameter :: at_energy = at_shifted + 1        !! stored, the start's too [J/m^3]
+  integer(i4), parameter :: at_cap = at_shifted + 1           !! p_c of two ellipses [Pa]
+  integer(i4), parameter :: at_breakage = at_cap + 2          !! B
+  integer(i4), parameter :: at_energy = at_breakage + 1       !! stored, the start's too [J/m^3]
   integer(i4), parameter :: at_fp = at_energy + 1, at_xp = at_fp + 9, at_gp = at_xp + 9
   integer(i4), parameter :: at_force = at_gp + 27             !! P, Q, R as the element has them
   integer(i4), parameter :: point_states = at_force + 44
-  integer(i4), parameter :: named_states = at_shifted         !! those of interest to a reader
+  integer(i4), parameter :: named_states = at_breakage        !! those of interest to a reader
   integer(i4), parameter :: point_stresses = 45               !! Cauchy, micro, couple stress
 
   character(len=18), parameter :: titles(common_size + 1:named_states) = [character(len=18) :: &
     'z_macro', 'z_micro', 'z_gradient_1', 'z_gradient_2', 'z_gradient_3', &
     'yield_macro', 'yield_micro', 'yield_gradient_1', 'yield_gradient_2', 'yield_gradient_3', &
     'macro_yields', 'micro_yields', 'gradient_1_yields', 'gradient_2_yields', &
-    'gradient_3_yields', 'substeps', 'shifted']
+    'gradient_3_yields', 'substeps', 'shifted', 'cap_macro', 'cap_micro', 'breakage']
 
 contains
 
@@ -83,6 +85,8 @@ contains
     column(at_active:at_active + surfaces - 1) = merge(1.0_wp, 0.0_wp, point%active)
     column(at_parts) = real(point%substeps, wp)
     column(at_shifted) = point%state%shifted
+    column(at_cap:at_cap + 1) = point%cap
+    column(at_breakage) = point%breakage
     column(at_fp:at_fp + 8) = reshape(point%state%fp, [9])
     column(at_xp:at_xp + 8) = reshape(point%state%xp, [9])
     column(at_gp:at_gp + 26) = reshape(point%state%gp, [27])

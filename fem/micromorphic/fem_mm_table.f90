@@ -56,6 +56,10 @@ contains
     call append_string(columns, 'work [J/m3]')
     call append_string(columns, 'substeps [-]')
     call append_string(columns, 'iterations [-]')
+    call append_string(columns, 'cap 1 [Pa]')
+    call append_string(columns, 'cap 2 [Pa]')
+    call append_string(columns, 'breakage [-]')
+    call append_string(columns, 'breakage energy [J/m3]')
     call file%open(path, columns, .false., errors)
   end subroutine open_point_table
 
@@ -86,7 +90,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(mm_strain_type) :: strain
     type(mm_spatial_type) :: spatial
-    real(wp) :: row(1 + 6*45 + 3*surfaces + 6)
+    real(wp) :: row(1 + 6*45 + 3*surfaces + 10)
     integer(i4) :: n
 
     strain = strains(motion)
@@ -104,7 +108,8 @@ contains
     row(n + 2*surfaces + 1:n + 3*surfaces) = merge(1.0_wp, 0.0_wp, point%active)
     n = n + 3*surfaces
     row(n + 1:) = [point%stored, point%state%dissipated, point%state%shifted, work, &
-                   real(point%substeps, wp), real(iterations, wp)]
+                   real(point%substeps, wp), real(iterations, wp), point%cap, point%breakage, &
+                   point%energy_b]
     call file%write(row, errors)
   end subroutine write_point_row
 

@@ -8,7 +8,7 @@ module fem_mm_tangent
   use fem_mm_elastic, only: mm_dual_d_type, mm_stress_d_type, duals_from_stress
   use fem_mm_elastic, only: duals_from_stress_of, stresses_of
   use fem_mm_flow, only: mm_law_type, mm_old_type, mm_iterate_type, mm_change_type
-  use fem_mm_flow, only: mm_residual_d_type, residual_of, change_strains
+  use fem_mm_flow, only: mm_residual_d_type, residual_of, change_strains, stress_by_breakage
   use fem_mm_motion, only: mm_motion_type, mm_motion_d_type, strains, strains_of, seed, forces_of
   use fem_mm_return, only: mm_system_type, set_unknowns, factor_system, back_substitute
   use fem_mm_return, only: pack_change, unpack_rows, yield_scale
@@ -113,6 +113,7 @@ contains
     none%w = 0.0_wp
     none%x = 0.0_wp
     none%y = 0.0_wp
+    if (law%breaks) none%b = at%b_keep*memory%z(:, 1, i)
     call residual_of(law, at, old, none, d, r)
     if (.not. memory%empty) then
       call in_frame(at, memory, i, moved)
@@ -155,8 +156,10 @@ contains
     call right(change%x, at%state%xp, memory%x(:, :, :, i))
     call leg_two_of(transpose(at%state%xp), change%y, g)
     call leg_three_of(transpose(at%state%fp), g, memory%g(:, :, :, :, i))
+    if (law%breaks) memory%z(:, 1, i) = at%b_keep*memory%z(:, 1, i)
     do k = system%parts + 1, system%n
       s = system%surface(k - system%parts)
+      if (law%breaks .and. s == 1) memory%z(:, 1, i) = memory%z(:, 1, i) + at%b_slope*columns(k, :)
       memory%z(:, s, i) = memory%z(:, s, i) + law%cone(s)%a_flow*columns(k, :)
     end do
   end subroutine remember
@@ -191,7 +194,8 @@ contains
       call elastic_change(motion, 1.0_wp, at, i, d)
       call in_frame(at, memory, i, change)
       call change_strains(at, change, d)
-      call stresses_of(law%elastic, at%strain, at%dual, at%stress, at%inverse_c, d, d_stress)
+      call stresses_of(at%elastic, at%strain, at%dual, at%stress, at%inverse_c, d, d_stress)
+      if (law%breaks) call stress_by_breakage(at, memory%z(:, 1, i), d_stress)
       call to_reference(at, change, d_stress)
       call seed(first, moved)
       call strains_of(motion, moved, d_total)

@@ -14,7 +14,7 @@ module fem_mm_path
   use fem_mm_flow, only: mm_law_type, mm_state_type
   use fem_mm_motion, only: mm_motion_type, packed_motion, unpacked_motion, packed_force
   use fem_mm_plastic, only: mm_point_type, update_point, failure_text
-  use fem_mm_report, only: energy_warning
+  use fem_mm_report, only: energy_warning, flow_warning, held_warning
   use fem_mm_setup, only: read_micromorphic, solid_of
   use fem_mm_table, only: open_point_table, write_point_row
   use fem_mm_tensor, only: determinant
@@ -72,6 +72,8 @@ contains
     text = energy_warning(law%elastic)
     if (len(text) > 0) write (error_unit, '(a)') &
       'warning: the stored energy is not positive definite: '//text
+    call warn(flow_warning(law))
+    call warn(held_warning(law, all(control%kind(10:18) /= free)))
     if (check) return
     call open_point_table(file, path, errors)
     if (errors%any()) return
@@ -85,6 +87,11 @@ contains
     end do
     call file%close(errors)
   end subroutine follow_micromorphic
+
+  subroutine warn(text)
+    character(len=*), intent(in) :: text
+    if (len(text) > 0) write (error_unit, '(a)') 'warning: '//text
+  end subroutine warn
 
   !> Rows for a whole field first, then those for single components.
   subroutine read_controls(deck, curve, control, errors)

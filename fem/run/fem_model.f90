@@ -23,10 +23,11 @@ module fem_model
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
   use fem_locking, only: locking_warning
-  use fem_mm_report, only: energy_warning
+  use fem_mm_report, only: energy_warning, flow_warning, held_warning
   use fem_output, only: fem_output_type
   use fem_restart, only: write_checkpoint, read_checkpoint
   use fem_setup, only: read_body
+  use fem_setup_micro, only: chi_held
   use fem_setup_solver, only: read_storage, choose_solver
   implicit none
   private
@@ -136,6 +137,10 @@ contains
       text = energy_warning(self%body%matter%micro%law(m)%elastic)
       if (len(text) > 0) call append_string(self%warnings, 'the stored energy of micromorphic '// &
         'solid '//str(m)//' is not positive definite: '//text)
+      text = flow_warning(self%body%matter%micro%law(m))
+      if (len(text) > 0) call append_string(self%warnings, text)
+      text = held_warning(self%body%matter%micro%law(m), chi_held(self%deck))
+      if (len(text) > 0) call append_string(self%warnings, text)
     end do
   end subroutine element_warnings
 

@@ -1624,8 +1624,7 @@ contains
     call table%add_key('update', 'string', '', &
       'Backward Euler of the plastic parts as it is, whose volume errs with the square ' &
       //'of the step, or times the factor that makes their volumes those of the flow ' &
-      //'exactly.')
-    call table%preset('euler')
+      //'exactly. Without it `exact_volume` where a surface is an ellipse, else `euler`.')
     call table%allow('euler|exact_volume')
     call table%add_key('substeps', 'integer', '', &
       'Equal parts into which each step of the law is divided.')
@@ -1635,8 +1634,10 @@ contains
 
   subroutine group_cone(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('cone', 9, &
-      'A yield surface of a `&micromorphic` solid with its plastic potential.', repeats=.true.)
+    call table%add_group('cone', 23, &
+      'A yield surface of a `&micromorphic` solid with its plastic potential: a cone of' &
+      //' friction and cohesion, a closed ellipse with a critical state, or the surface ' &
+      //'of grains that break.', repeats=.true.)
     call table%add_key('solid', 'string', '', &
       'Id of the `&micromorphic`; it may be left out where there is one alone.')
     call table%preset('')
@@ -1644,41 +1645,156 @@ contains
       'The stress it acts on: S, Sigma, or the three slices of the couple stress M.')
     call table%need()
     call table%allow('macro|micro|gradient')
+    call table%add_key('kind', 'string', '', &
+      '`cone`: Drucker and Prager''s; `ellipse`, of level macro or micro: cone and cap ' &
+      //'in one smooth surface through the critical state, hardening with the plastic ' &
+      //'volume; `breakage`, of level macro: crushing of grains, which softens all ' &
+      //'moduli.')
+    call table%preset('cone')
+    call table%allow('cone|ellipse|breakage')
     call table%add_key('friction_deg', 'real', 'deg', 'Angle of friction.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%magnitude(0.0_wp, 90.0_wp)
+    call table%only_with('kind', 'cone')
     call table%add_key('dilation_deg', 'real', 'deg', &
       'Angle of dilation, not above that of friction.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=90.0_wp)
     call table%magnitude(0.0_wp, 90.0_wp)
+    call table%only_with('kind', 'cone')
     call table%add_key('shape', 'real', '', &
       'Where the cone meets Mohr-Coulomb: -1 in triaxial compression, 1 in extension.')
     call table%preset('-1.0')
     call table%bounds(min=-1.0_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('kind', 'cone')
     call table%add_key('flow_shape', 'real', '', &
       'The same of the potential; `shape` if left out.')
     call table%bounds(min=-1.0_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('kind', 'cone')
     call table%add_key('cohesion', 'real', '', &
       'Cohesion at the start [Pa]; of level gradient [N/m].')
     call table%need()
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('kind', 'cone')
+    call group_cone_2(table)
+  end subroutine group_cone
+
+  subroutine group_cone_2(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('hardening', 'real', '', &
       'Slope H of the cohesion, c = cohesion + H Z [Pa]; of level gradient [N], dZ ' &
       //'[1/m] = A_psi dgamma. Negative softens.')
     call table%preset('0.0')
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('kind', 'cone')
     call table%add_key('rounding', 'real', '', &
       'Rounds the tip: l as a share of A cohesion in sqrt(dev^2 + l^2). A rounded cone ' &
       //'returns from tension; softening ends at this share of the cohesion.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, below=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
-  end subroutine group_cone
+    call table%only_with('kind', 'cone')
+    call table%add_key('pressure', 'string', '', &
+      'Of level gradient: friction by the pressure C:M_K/3 of the slice itself, or by ' &
+      //'that of the macro-stress, which grows with confinement: f = |dev M_K| - length ' &
+      //'(A cohesion + B p); `cohesion` [Pa], the flow changes no C:M_K, Z and ' &
+      //'`hardening` [Pa] are those of stresses.')
+    call table%preset('own')
+    call table%allow('own|macro')
+    call table%only_with('kind', 'cone')
+    call table%add_key('length', 'real', 'm', 'Arm of the couples that friction carries.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('pressure', 'macro')
+    call table%add_key('critical_slope', 'real', '', &
+      'Slope q/p of the critical state, or of the friction of broken grains; M = ' &
+      //'sqrt(2/3) of it is that of |dev| over p.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('kind', 'ellipse|breakage')
+    call table%add_key('flow_slope', 'real', '', &
+      'The same of the potential; `critical_slope` if left out. Above sqrt(2) of it ' &
+      //'flow can give energy: a warning.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('kind', 'ellipse')
+    call group_cone_3(table)
+  end subroutine group_cone_2
+
+  subroutine group_cone_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('preconsolidation', 'real', 'Pa', &
+      'Pressure p_c at the tip of the ellipse at the start.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%only_with('kind', 'ellipse')
+    call table%add_key('tension', 'real', 'Pa', &
+      'Tension p_t that is carried; with a small one a start without stress lies ' &
+      //'inside.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%only_with('kind', 'ellipse|breakage')
+    call table%add_key('exponent', 'real', '', &
+      'zeta of p_c = preconsolidation (det Fp)^-zeta, of level micro det chi_p: ' &
+      //'1/(lambda - kappa) of virgin and swelling lines, ln v over ln p.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('kind', 'ellipse')
+    call table%add_key('breakage_energy', 'real', 'Pa', 'Critical breakage energy E_c [J/m3].')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%only_with('kind', 'breakage')
+    call table%add_key('breakage_angle_deg', 'real', 'deg', &
+      'omega: shares cos^2 and sin^2 of the energy released go to new surface and to ' &
+      //'the plastic volume.')
+    call table%need()
+    call table%bounds(min=0.0_wp, below=90.0_wp)
+    call table%magnitude(0.0_wp, 90.0_wp)
+    call table%only_with('kind', 'breakage')
+    call table%add_key('grain_size_max', 'real', 'm', &
+      'Size of all grains at the start, largest of the ultimate grading; or give ' &
+      //'`grading_indices`.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('kind', 'breakage')
+    call table%needs('grain_size_min')
+    call table%add_key('grain_size_min', 'real', 'm', 'Smallest size of the ultimate grading.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('kind', 'breakage')
+    call table%needs('grain_size_max')
+    call group_cone_4(table)
+  end subroutine group_cone_3
+
+  subroutine group_cone_4(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('fractal_dimension', 'real', '', &
+      'D of the ultimate grading, (x^(3-D) - x_m^(3-D))/(x_M^(3-D) - x_m^(3-D)) by ' &
+      //'mass.')
+    call table%preset('2.6')
+    call table%bounds(above=0.0_wp, below=3.0_wp)
+    call table%magnitude(1e-20_wp, 3.0_wp)
+    call table%only_with('kind', 'breakage')
+    call table%add_key('grading_indices', 'real', '', &
+      'Shares of the moduli of strains, of those of the gradient and of the ' &
+      //'micro-inertia that breakage takes, 1 - <x^n>_ultimate/<x^n>_start by mass with n' &
+      //' = 2, 4, 5, where other gradings are known.')
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(above=0.0_wp, below=1.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%only_with('kind', 'breakage')
+    call table%excludes('grain_size_max')
+  end subroutine group_cone_4
 
   subroutine group_micro_point(table)
     type(key_table_type), intent(inout) :: table

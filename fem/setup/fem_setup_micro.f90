@@ -1,7 +1,7 @@
 !> Micromorphic bodies of the deck: their laws, the start of their points, what acts on chi.
 module fem_setup_micro
   use talus_kinds, only: wp, i4
-  use talus_text, only: str
+  use talus_text, only: str, string_type
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_curve, only: curve_index
@@ -19,7 +19,10 @@ module fem_setup_micro
   use fem_types, only: fem_load_type, group_facet
   implicit none
   private
-  public :: read_micro_laws, begin_micro_points, read_double_forces, read_ties, chi_component
+  public :: read_micro_laws, begin_micro_points, read_double_forces, read_ties
+  public :: chi_component, chi_held
+
+  character(len=*), parameter :: stretch(4) = [character(len=5) :: 'chi', 'chi11', 'chi22', 'chi33']
 
 contains
 
@@ -94,6 +97,25 @@ contains
       body%matter%stress(:, q) = stress_row(none, point)
     end associate
   end subroutine begin_point
+
+  !> Does the deck hold the stretches of chi somewhere, or tie chi to F?
+  logical function chi_held(deck)
+    type(deck_type), intent(in) :: deck
+    type(string_type), allocatable :: fix(:)
+    character(len=:), allocatable :: name
+    integer(i4) :: s, k
+    chi_held = deck%count('micro_tie') > 0
+    do s = 1, deck%count('support')
+      call deck%get('support', s, 'fix', fix)
+      do k = 1, size(fix)
+        chi_held = chi_held .or. any(stretch == fix(k)%s)
+      end do
+    end do
+    do s = 1, deck%count('motion')
+      call deck%get('motion', s, 'component', name)
+      chi_held = chi_held .or. any(stretch == name)
+    end do
+  end function chi_held
 
   !> Row and column of a component 'chi11' to 'chi33'; 0 if the text is none.
   pure function chi_component(text) result(place)

@@ -3,12 +3,13 @@
 program test_fem_mm_plastic
   use talus_kinds, only: wp, i4
   use talus_test, only: larger, max_abs, test_type
-  use fem_mm_cones, only: mm_surface_type, mm_cone_type, make_cone, surface_of, surfaces
+  use fem_mm_cones, only: mm_surface_type, mm_cone_type, mm_place_type, make_cone, surfaces
   use fem_mm_elastic, only: set_moduli
   use fem_mm_flow, only: mm_law_type, mm_state_type
   use fem_mm_motion, only: mm_motion_type, packed_motion, unpacked_motion, packed_force
   use fem_mm_motion, only: elastic_tangent
   use fem_mm_plastic, only: mm_point_type, update_point, failure_text
+  use fem_mm_surfaces, only: surface_at
   use fem_mm_tensor, only: determinant, identity, inverse, leg_one
   implicit none
   type(test_type) :: test
@@ -144,15 +145,23 @@ contains
     m = reshape(o_m, [3, 3, 3], order=[3, 2, 1])
     call test%check_close('A', cone%a, 1.39315236742_wp, 1.0e-11_wp)
     call test%check_close('B', cone%b, 0.690235625633_wp, 1.0e-11_wp)
-    surface = surface_of(cone, transpose(reshape(o_s, [3, 3])), c, inverse(c))
+    surface = surface_at(cone, place_at(transpose(reshape(o_s, [3, 3])), c))
     f = surface%norm + cone%b*surface%p - cone%a*cone%cohesion
     call test%check_close('yield of second order', f, 3.23680754328_wp, 1.0e-10_wp)
     do k = 1, 3
-      surface = surface_of(cone, m(:, :, k), c, inverse(c))
+      surface = surface_at(cone, place_at(m(:, :, k), c))
       f = surface%norm + cone%b*surface%p - cone%a*cohesion(k)
       call test%check_close('yield of third order', f, wanted(k), 1.0e-10_wp)
     end do
   end subroutine check_published
+
+  pure function place_at(stress, c) result(place)
+    real(wp), intent(in) :: stress(3, 3), c(3, 3)
+    type(mm_place_type) :: place
+    place%stress = stress
+    place%c = c
+    place%inverse_c = inverse(c)
+  end function place_at
 
   !> With shape -1 the cone meets Mohr-Coulomb in triaxial compression, with +1 in extension.
   subroutine check_mohr_coulomb()
@@ -172,7 +181,7 @@ contains
     cone = make_cone([35.0_wp, 0.0_wp]*degree, [shape, 0.0_wp], 20.0_wp, 0.0_wp, 0.0_wp)
     s = lateral*identity
     s(3, 3) = axial
-    surface = surface_of(cone, s, identity, identity)
+    surface = surface_at(cone, place_at(s, identity))
     yield_at = (surface%norm + cone%b*surface%p - cone%a*cone%cohesion)/abs(axial)
   end function yield_at
 
