@@ -11,7 +11,7 @@ module fem_mm_report
   implicit none
   private
   public :: strain_form, gradient_form, eigenvalues, energy_warning, micropolar_limit
-  public :: homogeneous_limit, uniform_limit, flow_warning, held_warning
+  public :: homogeneous_limit, uniform_limit, flow_warning, held_warning, inertia_warning
 
   real(wp), parameter :: round_off = 1.0e-12_wp
 
@@ -121,6 +121,16 @@ contains
       'goes on growing past the critical state; give the solid a surface of level micro too, '// &
       'or leave chi free'
   end function held_warning
+
+  !> W306 where grains break in motion, '' elsewhere: the micro-inertia does not change.
+  pure function inertia_warning(law, massive) result(text)
+    type(mm_law_type), intent(in) :: law
+    logical, intent(in) :: massive
+    character(len=:), allocatable :: text
+    text = ''
+    if (massive .and. law%breaks) text = 'W306'//': the micro-inertia stays that of whole '// &
+      'grains; of broken ones it would be '//str(1.0_wp - law%theta(3))//' of it'
+  end function inertia_warning
 
   subroutine note(value, name, text)
     real(wp), intent(in) :: value

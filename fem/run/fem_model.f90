@@ -23,7 +23,7 @@ module fem_model
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
   use fem_locking, only: locking_warning
-  use fem_mm_report, only: energy_warning, flow_warning, held_warning
+  use fem_mm_report, only: energy_warning, flow_warning, held_warning, inertia_warning
   use fem_output, only: fem_output_type
   use fem_restart, only: write_checkpoint, read_checkpoint
   use fem_setup, only: read_body
@@ -140,6 +140,8 @@ contains
       text = flow_warning(self%body%matter%micro%law(m))
       if (len(text) > 0) call append_string(self%warnings, text)
       text = held_warning(self%body%matter%micro%law(m), chi_held(self%deck))
+      if (len(text) > 0) call append_string(self%warnings, text)
+      text = inertia_warning(self%body%matter%micro%law(m), self%body%scheme%massive)
       if (len(text) > 0) call append_string(self%warnings, text)
     end do
   end subroutine element_warnings

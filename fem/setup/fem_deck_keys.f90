@@ -1788,7 +1788,8 @@ contains
     call table%add_key('grading_indices', 'real', '', &
       'Shares of the moduli of strains, of those of the gradient and of the ' &
       //'micro-inertia that breakage takes, 1 - <x^n>_ultimate/<x^n>_start by mass with n' &
-      //' = 2, 4, 5, where other gradings are known.')
+      //' = 2, 4, 5, where other gradings are known. The third is told where dynamics ' &
+      //'keeps the micro-inertia of the start (W306).')
     call table%sized(3_i4, 3_i4)
     call table%bounds(above=0.0_wp, below=1.0_wp)
     call table%magnitude(1e-20_wp, 1.0_wp)

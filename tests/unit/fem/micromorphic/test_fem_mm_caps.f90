@@ -6,11 +6,14 @@ program test_fem_mm_caps
   use fem_mm_caps, only: make_ellipse, make_breakage, moments, breakage_after
   use fem_mm_cones, only: mm_cone_type, make_cone, by_macro_pressure, surfaces
   use fem_mm_elastic, only: set_moduli, weakened
+  use fem_mm_ellipticity, only: least_determinant
   use fem_mm_flow, only: mm_law_type, mm_state_type
   use fem_mm_motion, only: mm_motion_type, packed_motion, unpacked_motion, packed_force
   use fem_mm_plastic, only: mm_point_type, update_point, failure_text
   use fem_mm_prestress, only: start_state
-  use fem_mm_tensor, only: determinant, identity, leg_one
+  use fem_mm_report, only: flow_warning, held_warning, inertia_warning
+  use fem_mm_tensor, only: determinant, identity, inverse, leg_one
+  use fem_mm_watch, only: can_lose
   implicit none
   type(test_type) :: test
   real(wp), parameter :: degree = acos(-1.0_wp)/180.0_wp
@@ -42,6 +45,8 @@ program test_fem_mm_caps
   call check_growth()
   call check_tension()
   call check_prestress()
+  call check_ellipticity()
+  call check_warnings()
   call check_energy('ellipses', solid([ellipse, ellipse, macro_cones]))
   call check_energy('breakage', solid([breakage, none, none]))
   call test%finish()
@@ -205,7 +210,7 @@ contains
       state = point%state
       here = there
     end do
-    elastic = matmul(there%f, inverse_of(state%fp))
+    elastic = matmul(there%f, inverse(state%fp))
     stress = point%stress%s
     if (level == 2) stress = point%stress%sigma
     p = sum(matmul(transpose(there%f), there%f)*stress)/(3.0_wp*determinant(state%fp))
@@ -216,13 +221,6 @@ contains
     call test%check_close('critical: no more volume', determinant(elastic) &
       *determinant(state%fp)/determinant(there%f), 1.0_wp, 1.0e-12_wp)
   end subroutine check_critical
-
-  pure function inverse_of(a) result(b)
-    use fem_mm_tensor, only: inverse
-    real(wp), intent(in) :: a(3, 3)
-    real(wp) :: b(3, 3)
-    b = inverse(a)
-  end function inverse_of
 
   !> Moments of a fractal grading, computed independently.
   subroutine check_moments()
@@ -279,6 +277,53 @@ contains
     call start_state(law, 2.0_wp*stress, state, fault)
     call test%check('outside', index(fault, 'outside the macro surface') > 0)
   end subroutine check_prestress
+
+  !> An ellipse without micro-moduli stays elliptic while it hardens in compression, and loses it
+  !! where it softens on the dry side.
+  subroutine check_ellipticity()
+    real(wp) :: least(2)
+    least = [least_after(0.04_wp), least_after(0.0003_wp)]
+    call test%check('hardening ellipse is elliptic', least(1) > 0.0_wp)
+    call test%check('softening ellipse is not', least(2) < 0.0_wp)
+  end subroutine check_ellipticity
+
+  !> Least determinant after a compression and a tenth of simple shear.
+  real(wp) function least_after(pressed) result(least)
+    real(wp), intent(in) :: pressed
+    type(mm_law_type) :: law
+    type(mm_state_type) :: state
+    type(mm_point_type) :: point
+    type(mm_motion_type) :: here, there
+    real(wp) :: tangent(45, 45), normal(3)
+    integer(i4) :: i
+    law = solid([ellipse, none, none])
+    law%elastic = set_moduli([moduli(:2), (0.0_wp, i=1, 16)], .false.)
+    do i = 1, 15
+      there%f = (1.0_wp - pressed*min(i, 10)/10.0_wp)*identity
+      there%f(1, 2) = 0.01_wp*max(i - 10, 0)
+      there%chi = there%f
+      call update_point(law, [here, there], state, point, tangent)
+      state = point%state
+      here = there
+    end do
+    call test%check('yields', point%done .and. point%active(1))
+    call least_determinant(tangent, .false., least, normal)
+  end function least_after
+
+  !> Warnings of steep flow and of a macro-surface alone beside a chi that is held.
+  subroutine check_warnings()
+    type(mm_law_type) :: law
+    law = solid([ellipse, none, none])
+    call test%check('no warning', len(flow_warning(law)) == 0 .and. &
+                    len(held_warning(law, .false.)) == 0)
+    call test%check('chi is held', index(held_warning(law, .true.), 'W305') == 1)
+    call test%check('two surfaces', len(held_warning(solid([ellipse, ellipse, none]), .true.)) == 0)
+    law%cone(1)%slope_flow = 1.5_wp*law%cone(1)%slope
+    call test%check('steep flow', index(flow_warning(law), 'W304') == 1)
+    law = solid([breakage, none, none])
+    call test%check('inertia', index(inertia_warning(law, .true.), 'W306') == 1)
+    call test%check('watched', all(can_lose([solid([ellipse, none, none]), law])))
+  end subroutine check_warnings
 
   !> Work is stored, dissipated or shifted; what is missing decreases with the step and vanishes in
   !! the limit. Dissipation never falls.
