@@ -23,6 +23,7 @@ PARTS = {
         "pore-fluid",
         "moving-beds",
         "breakage",
+        "yielding-solids",
         "measures",
         "prepost",
         "view",
