@@ -1,6 +1,6 @@
 !> A warning, once in a run, where hardening loses the ellipticity of a micromorphic solid. Checked
 !! is the first point that yields in each element at the end of a step, of laws that can lose it:
-!! those that soften or flow otherwise than along the normals of their surfaces.
+!! those that are closed, soften or flow otherwise than along the normals of their surfaces.
 module fem_mm_watch
   use talus_kinds, only: wp, i4
   use talus_log, only: log_type, short_number

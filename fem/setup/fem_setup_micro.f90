@@ -67,7 +67,8 @@ contains
         if (len(fault) == 0) cycle
         call deck%fault(errors, 'D333', 'element '//str(e)//', point '// &
           str(q - body%elastic%point(e) + 1)//': '//fault, 'micromorphic', &
-          body%matter%micro%law_of(e), 'id', 'raise friction or cohesion, or lower the stress')
+          body%matter%micro%law_of(e), 'id', &
+          'raise friction, cohesion or preconsolidation, or lower the stress')
         return
       end do
     end do

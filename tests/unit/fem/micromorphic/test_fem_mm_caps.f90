@@ -36,6 +36,9 @@ program test_fem_mm_caps
   call check_step('breakage', solid([breakage, none, none]))
   call check_step('breakage, micro', solid([breakage, ellipse, macro_cones]))
   call check_tangent('breakage, substeps', in_parts(solid([breakage, ellipse, macro_cones]), 4))
+  call check_tangent('trapezoidal', by_trapezoids(solid([ellipse, ellipse, macro_cones])))
+  call check_tangent('breakage, trapezoidal', by_trapezoids(solid([breakage, ellipse, none])))
+  call check_tangent('exact breakage', exactly(solid([breakage, none, none])))
   call check_reduced()
   call check_hardening()
   call check_critical(1, 1.0_wp)
@@ -87,6 +90,21 @@ contains
     law = one
     law%parts = parts
   end function in_parts
+
+  pure function by_trapezoids(one) result(law)
+    type(mm_law_type), intent(in) :: one
+    type(mm_law_type) :: law
+    law = one
+    law%trapezoidal = .true.
+    law%exact_volume = .false.
+  end function by_trapezoids
+
+  pure function exactly(one) result(law)
+    type(mm_law_type), intent(in) :: one
+    type(mm_law_type) :: law
+    law = one
+    law%exact_volume = .true.
+  end function exactly
 
   !> A share of the way from the undeformed point.
   pure function motion_at(share) result(motion)
