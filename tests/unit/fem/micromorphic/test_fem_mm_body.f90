@@ -232,7 +232,7 @@ contains
     end do
     law = solid(.true.)
     call start_state(law, -wanted, state, fault)
-    call test%check('start: outside of a cone', index(fault, 'outside the macro cone, f = ') > 0)
+    call test%check('start: outside of a cone', index(fault, 'outside the macro surface, f = ') > 0)
     call start_state(law, [10.0_wp, -10.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], state, fault)
     call test%check('start: no elastic strain', index(fault, 'no elastic strain') > 0)
     law%elastic = set_moduli([29.0_wp, 7.0_wp, spread(0.0_wp, 1, 16)], .false.)
