@@ -1804,7 +1804,7 @@ contains
       //'`*_point.csv` has a row a step with every measure: F, chi, grad_chi, C, Psi, ' &
       //'Gamma, S, Sigma, M, cauchy, micro, couple, the forces P, Q, R that do work on F,' &
       //' chi and grad_chi, the plastic parts, hardening variables, yield functions, ' &
-      //'energies.')
+      //'energies, p_c of ellipses, breakage.')
     call table%add_key('solid', 'string', '', &
       'Id of the `&micromorphic`; it may be left out where there is one alone.')
     call table%preset('')
