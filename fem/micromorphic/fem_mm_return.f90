@@ -28,6 +28,7 @@ module fem_mm_return
     integer(i4) :: part(45) = 0     !! which of the 45
     integer(i4) :: surface(surfaces) = 0
     real(wp) :: row(most) = 1.0_wp  !! scale of each residual
+    real(wp) :: yield_weight = 1.0_wp  !! of the first yield function in the line search
     real(wp) :: matrix(most, most)
     integer(i4) :: pivot(most)
     integer(i4) :: iterations = 0   !! of Newton, for the report
@@ -120,6 +121,8 @@ contains
     do k = system%parts + 1, system%n
       system%row(k) = 1.0_wp/scale(system%surface(k - system%parts))
     end do
+    system%yield_weight = 1.0_wp
+    if (law%breaks .and. active(1)) system%yield_weight = sqrt(law%cone(1)%energy/law%modulus)
   end subroutine set_unknowns
 
   !> Newton's method with line search on the set of active surfaces; it may stop short of the end
@@ -148,7 +151,7 @@ contains
       step(:system%n) = -r(:system%n)
       call back_substitute(system, 1, step)
       system%iterations = system%iterations + 1
-      size_now = norm2(r(:system%n))
+      size_now = merit(system, r)
       share = 1.0_wp
       do cut = 0, most_cuts
         tried = at
@@ -156,7 +159,7 @@ contains
         if (determinant(tried%state%fp) > 0.0_wp .and. determinant(tried%state%xp) > 0.0_wp) then
           call evaluate(law, total, old, tried)
           r = residual(tried, system)
-          size_new = norm2(r(:system%n))
+          size_new = merit(system, r)
           if (size_new <= (1.0_wp - decrease*share)*size_now) exit
         end if
         share = 0.5_wp*share
@@ -167,6 +170,17 @@ contains
     ! a closed surface that does not belong to the set can stop it far from the end
     done = any(law%cone%kind /= kind_cone) .and. any(at%active .and. at%gamma < 0.0_wp)
   end subroutine newton
+
+  !> What the line search makes smaller. The yield function of breakage changes by one in the strain
+  !! sqrt(E_c/modulus): it counts as a strain there, like the other residuals.
+  pure real(wp) function merit(system, r)
+    type(mm_system_type), intent(in) :: system
+    real(wp), intent(in) :: r(most)
+    real(wp) :: weighted(most)
+    weighted = r
+    weighted(system%parts + 1) = system%yield_weight*r(system%parts + 1)
+    merit = norm2(weighted(:system%n))
+  end function merit
 
   !> Scaled residuals.
   pure function residual(at, system) result(r)
