@@ -157,7 +157,7 @@ PY := $(VENV)/bin/python
 help:
 	@printf '%s\n' \
 	  'make               build talus-dem, talus-fem, talus-couple into $(BUILD)/bin' \
-	  'make demo          set up, build, run the coupled penetration, name its figures' \
+	  'make demo          set up, build, run the coupled penetration and a cone in sand, name their figures' \
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
 	  'make fuzz          long campaigns of changed decks, damaged files, kills (SEED=n)' \
@@ -203,6 +203,7 @@ test: deps
 demo: deps-run deps-render
 	@$(MAKE) --no-print-directory all
 	examples/01-penetration/run.sh demo build/demo
+	examples/19-deep-cone/demo.sh build/demo/cone
 
 deposit: deps-run deps-render
 	@$(MAKE) --no-print-directory all

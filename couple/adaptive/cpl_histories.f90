@@ -167,9 +167,8 @@ contains
     real(wp), intent(in) :: u(:, :), v(:, :)  !! of all nodes (3, nodes) [m], [m/s]
     logical, intent(in) :: chosen(:)          !! (elements)
     type(request_type), intent(out) :: request
-    real(wp), allocatable :: stretch(:, :, :)
     real(wp) :: g(3, 3), turn(3, 3)
-    integer(i4) :: e, k, last
+    integer(i4) :: e
 
     allocate (request%number(size(chosen)), source=0_i4)
     allocate (request%turn(4, size(chosen)), request%spin(3, size(chosen)), source=0.0_wp)

@@ -12,10 +12,11 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
-from prepare import PLACES, SPEED, TIP, ZONES  # noqa: E402
+from plans import PLANS  # noqa: E402
 
 from talus.verification import field_steps, read_history  # noqa: E402
 
+PLAN = PLANS["deep"]
 RUNS = {"whole": "whole bed", "narrow": "opened, 32 mm", "wide": "opened, 43 mm",
         "box": "rigid box, 43 mm"}  # fmt: skip
 BANDS = ((0, 20), (20, 40), (40, 60), (20, 60))  # depth [mm]
@@ -23,14 +24,14 @@ BANDS = ((0, 20), (20, 40), (40, 60), (20, 60))  # depth [mm]
 
 def files_of(name: str, place: str) -> str:
     """Return the beginning of the names of the grains' results."""
-    return f"{name}_{place}/grains" if name in ZONES else f"{name}_{place}"
+    return f"{name}_{place}/grains" if name in PLAN.zones else f"{name}_{place}"
 
 
 def curve_of(name: str, place: str) -> dict:
     """Return depth [mm], force [N], and the means over 1 mm."""
     rows = read_history(Path(f"{files_of(name, place)}_surfaces.csv"))
     time, at = np.unique(rows["time"], return_inverse=True)
-    depth, force = 1e3 * SPEED * time, np.bincount(at, rows["force_z"])  # of tip, cone and shaft
+    depth, force = 1e3 * PLAN.speed * time, np.bincount(at, rows["force_z"])  # of tip, cone and shaft
     edges = np.arange(0.0, 60.5)
     at = np.digitize(depth, edges)
     step = np.array([force[at == k].mean() if (at == k).any() else np.nan
@@ -77,7 +78,7 @@ def draw_forces(curves: dict, places: list[str]) -> None:
                xlim=(0.0, None), title=f"place {place}")  # fmt: skip
     axes[0].legend(fontsize=8)
     rows = read_history(Path(f"wide_{places[0]}/coupled_conversions.csv"))
-    axes[-1].step(rows["awake"], 1e3 * SPEED * rows["time"], where="pre")
+    axes[-1].step(rows["awake"], 1e3 * PLAN.speed * rows["time"], where="pre")
     axes[-1].set(xlabel="grains awake", ylabel="way of the cone [mm]", ylim=(60.0, 0.0),
                  xlim=(0.0, None), title=RUNS["wide"])  # fmt: skip
     fig.savefig("force.png", dpi=110)
@@ -86,17 +87,17 @@ def draw_forces(curves: dict, places: list[str]) -> None:
 def draw_beds(place: str) -> None:
     """Draw a slice through the axis of the cone at the end: how far grains have gone."""
     fig, axes = plt.subplots(ncols=2, figsize=(12.0, 4.2), sharey=True, layout="constrained")
-    x, y = PLACES[place]
+    x, y = PLAN.places[place]
     for ax, name in zip(axes, ("whole", "wide"), strict=True):
         steps = field_steps(Path(f"{files_of(name, place)}.h5"))
         g = steps[-1].grains
         near = np.abs(g["x"][:, 1] - y) < 3e-3
-        speed = np.linalg.norm(g["v"], axis=1) / SPEED
+        speed = np.linalg.norm(g["v"], axis=1) / PLAN.speed
         dots = ax.scatter(1e3 * (g["x"][near, 0] - x), 1e3 * g["x"][near, 2], s=9, c=speed[near],
                           vmin=0.0, vmax=0.5, cmap="viridis")  # fmt: skip
         ghost = near & (g["kind"] == 3)
         ax.scatter(1e3 * (g["x"][ghost, 0] - x), 1e3 * g["x"][ghost, 2], s=9, c="0.7")
-        tip = 1e3 * (TIP - SPEED * steps[-1].time)
+        tip = 1e3 * (PLAN.tip - PLAN.speed * steps[-1].time)
         ax.plot([0, 6, 6, -6, -6, 0], [tip, tip + 10.4, 140, 140, tip + 10.4, tip], "k", lw=1.0)
         ax.set(xlabel="x [mm]", aspect="equal", xlim=(-108, 108), ylim=(-6, 145),
                title=f"{RUNS[name]}: {len(g['id'])} grains")  # fmt: skip

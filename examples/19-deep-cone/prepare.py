@@ -8,24 +8,18 @@ import sys
 from pathlib import Path
 
 import numpy as np
+from plans import EDGE, RADIUS, Zone, plan_here
 
 from talus.column_stamp import read_column_stamp
 from talus.mesh import box, write_mesh
 from talus.packing import FIXED, Packing, read_packing, write_h5
 from talus.verification import read_history
 
-COPIES, EDGE, HEIGHT = 6, 0.036, 0.13  # columns along x and y, their width, height of the bed [m]
-ELEMENTS = (20, 20, 12)
-PLACES = {"a": (0.108, 0.108), "b": (0.1188, 0.1296)}  # of the cone: corners of elements [m]
-RADIUS, SPEED, STROKE, TIP = 6.0e-3, 0.1, 0.06, 0.1305  # [m], [m/s]; TIP: at the start
-#: Of a zone: free_within of its deck, half-widths of its free grains and of its ghosts [m].
-ZONES = {"narrow": (0.030, 0.0324, 0.0432), "wide": (0.032, 0.0432, 0.054)}
-BOX = "wide"  # the zone whose free grains the rigid box has
-TESTS, SHORTEN, SLOW = (1, 2, 3), 0.02, 2.0e-3  # borders, strain, inertial number
-END = 0.6099  # of the runs: 3210 exchanges [s]
+SHORTEN, SLOW = 0.02, 2.0e-3  # strain of the tests, inertial number
+PLAN = plan_here()
 #: Before the groups of a deck that is made of parts.
 HEAD = "&run title = '{}', gravity = 0.0, 0.0, -9.81{} /\n"
-ALONE = f", t_end = {END}"
+ALONE = f", t_end = {PLAN.end}"
 
 
 def text(name: str, **values: object) -> str:
@@ -39,7 +33,7 @@ def text(name: str, **values: object) -> str:
 def prepare_tests() -> None:
     """Write the decks of the element tests: layers under the stresses that they have."""
     stamp = read_column_stamp(Path("column.h5"))
-    for k in TESTS:
+    for k in PLAN.tests:
         across, along = stamp.replayed[k, :2].mean(), stamp.replayed[k, 2]
         pressure = (2.0 * across + along) / 3.0
         rate = SLOW / (stamp.mean_diameter * np.sqrt(stamp.density / pressure))
@@ -49,19 +43,21 @@ def prepare_tests() -> None:
         Path(f"test_{k}.nml").write_text(deck)
 
 
-def surround(zone: str) -> dict:
+def surround(zone: Zone) -> dict:
     """Return the constants of the surround by the rule of the manual (Choosing the surround).
 
-    Secants to the strain around the zone in the middle of the way that is judged, 20 to 60 mm, the
-    share of the strength that they use there, and the strain at half the strength.
+    Secants to the strain around the zone in the middle of the way that is judged, the share of the
+    strength that they use there, the strain at half the strength, friction, lateral over vertical
+    stress at the start.
     """
-    stamp, depth = read_column_stamp(Path("column.h5")), 0.04
-    within, free, ghost = ZONES[zone]
-    away = 0.5 * (free + ghost)
+    stamp, depth = read_column_stamp(Path("column.h5")), PLAN.middle
+    away = 0.5 * (zone.free + zone.ghost)
     pushed = np.pi * RADIUS**2 * (depth - 2.0 / 3.0 * RADIUS * np.sqrt(3.0))
-    strain = pushed / (2.0 * np.pi * away * (depth + within) * away)
-    found = {"strain": strain, "depth": [], "young": [], "poisson": [], "used": [], "half": []}
-    for k in TESTS:
+    strain = pushed / (2.0 * np.pi * away * (depth + zone.within) * away)
+    found = {"strain": strain}
+    for key in ("depth", "young", "poisson", "used", "half", "friction_deg", "k0"):
+        found[key] = []
+    for k in PLAN.tests:
         rows = read_history(Path(f"test_{k}_cell.csv"))
         e = {c: -np.log(rows[f"deform_{c}{c}"] / rows[f"deform_{c}{c}"][0]) for c in "xyz"}
         more = rows["stress_xx"][0] - rows["stress_xx"]
@@ -72,43 +68,64 @@ def surround(zone: str) -> dict:
         found["poisson"].append(-0.5 * (e["y"][at] + e["z"][at]) / e["x"][at])
         found["used"].append(more[at] / more.max())
         found["half"].append(e["x"][np.argmax(more >= 0.5 * more.max())])
+        found["friction_deg"].append(friction_of(rows))
+        found["k0"].append(rows["stress_xx"][0] / rows["stress_zz"][0])
     return {key: np.asarray(value).tolist() for key, value in found.items()}
+
+
+def friction_of(rows: dict) -> float:
+    """Return the friction [deg] of the compressive cone through the largest |s|/p of a test."""
+    stress = -np.array([rows[f"stress_{c}{c}"] for c in "xyz"])
+    mean = stress.mean(axis=0)
+    ratio = (np.linalg.norm(stress - mean, axis=0) / mean).max()
+    return float(np.degrees(np.arcsin(3.0 * ratio / (2.0 * np.sqrt(6.0) + ratio))))
 
 
 def prepare_mesh() -> None:
     """Write the mesh, a group a layer of elements."""
-    mesh = box(np.zeros(3), np.array([COPIES * EDGE, COPIES * EDGE, HEIGHT]), ELEMENTS)
-    layer = np.arange(mesh.count) // (ELEMENTS[0] * ELEMENTS[1])
-    for k in range(ELEMENTS[2]):
+    wide, number = PLAN.copies * EDGE, PLAN.elements
+    mesh = box(np.zeros(3), np.array([wide, wide, PLAN.height]), number)
+    layer = np.arange(mesh.count) // (number[0] * number[1])
+    for k in range(number[2]):
         mesh.volumes[f"layer{k}"] = np.flatnonzero(layer == k)
     write_mesh(Path("bed_mesh.h5"), mesh)
 
 
 def layers(soil: dict) -> str:
-    """Return materials and sections: a modulus that grows with a power of the depth."""
-    power = np.polyfit(np.log(soil["depth"]), np.log(soil["young"]), 1)
+    """Return materials and sections: a modulus that grows with a power of the depth, one strength.
+
+    With one test alone the power is a half. Flow keeps the volume: beside a zone that is held all
+    round, dilation without end would make the sand stronger and stronger.
+    """
+    power = np.array([0.5, np.log(soil["young"][0]) - 0.5 * np.log(soil["depth"][0])])
+    if len(PLAN.tests) > 1:
+        power = np.polyfit(np.log(soil["depth"]), np.log(soil["young"]), 1)
     density = float(read_column_stamp(Path("column.h5")).solid_fraction) * 2650.0
     deck = ""
-    for k in range(ELEMENTS[2]):
-        young = np.exp(np.polyval(power, np.log(HEIGHT * (1.0 - (k + 0.5) / ELEMENTS[2]))))
-        deck += (f"&material id = 'soil{k}', law = 'linear_elastic', density = {density:.5g}, "
-                 f"young = {young:.5g}, poisson = {np.mean(soil['poisson']):.4g} /\n"
+    for k in range(PLAN.elements[2]):
+        depth = PLAN.height * (1.0 - (k + 0.5) / PLAN.elements[2])
+        young = np.exp(np.polyval(power, np.log(depth)))
+        deck += (f"&material id = 'soil{k}', law = 'drucker_prager', density = {density:.5g}, "
+                 f"young = {young:.5g}, poisson = {np.mean(soil['poisson']):.4g}, cohesion = 10.0, "
+                 f"friction_deg = {np.mean(soil['friction_deg']):.4g}, dilation_deg = 0.0 /\n"
                  f"&section group = 'layer{k}', material = 'soil{k}', element = 'hex8_bbar' /\n")  # fmt: skip
+    deck += (f"&geostatic group = 'all', level = {PLAN.height:g}, "
+             f"k0 = {np.mean(soil['k0']):.4g} /\n")  # fmt: skip
     return deck
 
 
 def prepare_beds() -> None:
     """Write beds and decks of all runs, and what the surrounds are (soil.json)."""
-    soil = {zone: surround(zone) for zone in ZONES}
+    soil = {name: surround(zone) for name, zone in PLAN.zones.items()}
     Path("soil.json").write_text(json.dumps(soil, indent=1))
     prepare_mesh()
-    bed = read_packing(Path("column.h5")).repeated((COPIES, COPIES, 1))
+    bed = read_packing(Path("column.h5")).repeated((PLAN.copies, PLAN.copies, 1))
     write_h5(Path("bed.h5"), bed)
-    for place, (x, y) in PLACES.items():
-        tool = {"x": x, "y": y, "tip": TIP}
+    for place, (x, y) in PLAN.places.items():
+        tool = {"x": x, "y": y, "tip": PLAN.tip, "speed": PLAN.speed}
         write(f"whole_{place}", HEAD.format("Cone in the whole bed", ALONE), text("whole"),
               text("laws", packing="bed", **tool))  # fmt: skip
-        for zone in ZONES:
+        for zone in PLAN.zones:
             prepare_opened(f"{zone}_{place}", bed, tool, zone, layers(soil[zone]))
         prepare_box(f"box_{place}", bed, tool)
 
@@ -120,23 +137,24 @@ def prepare_opened(name: str, bed: Packing, tool: dict, zone: str, sections: str
     for file in ("column.h5", "bed_mesh.h5"):
         (folder / file).write_bytes(Path(file).read_bytes())
     beside = np.abs(bed.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
-    chosen = (beside < ZONES[zone][2] + 0.016) & (bed.x[:, 2] > 0.04)
+    chosen = (beside < PLAN.zones[zone].ghost + 0.016) & (bed.x[:, 2] > PLAN.above)
     write_h5(folder / "awake.h5", without_cell(bed, chosen))
-    write(folder / "grains", HEAD.format("Grains around the cone", ""), text("grains"),
+    write(folder / "grains", HEAD.format("Grains around the cone", ""), text("grains", copies=PLAN.copies),
           text("laws", packing="awake", **tool))  # fmt: skip
     write(folder / "solid", HEAD.format("Bed around the cone", ""), text("solid"), sections)
-    write(folder / "coupled", text("coupled", t_end=END, x=tool["x"], y=tool["y"],
-                                   middle=TIP + 0.0502, within=ZONES[zone][0]))  # fmt: skip
+    write(folder / "coupled", text("coupled", t_end=PLAN.end, x=tool["x"], y=tool["y"], speed=PLAN.speed,
+                                   middle=PLAN.tip + 0.0502, within=PLAN.zones[zone].within,
+                                   every=PLAN.every))  # fmt: skip
 
 
 def prepare_box(name: str, bed: Packing, tool: dict) -> None:
     """Write the free grains that an opened bed has at its end amid grains that stand still."""
-    within, free, ghost = ZONES[BOX]
+    zone = PLAN.zones[PLAN.box]
     beside = np.abs(bed.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
-    low = TIP - STROKE - within
-    inside = without_cell(bed, (beside < ghost) & (bed.x[:, 2] > low - ghost + free))
+    low = PLAN.tip - PLAN.stroke - zone.within
+    inside = without_cell(bed, (beside < zone.ghost) & (bed.x[:, 2] > low - zone.ghost + zone.free))
     beside = np.abs(inside.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
-    inside.kind[(beside > free) | (inside.x[:, 2] < low)] = FIXED
+    inside.kind[(beside > zone.free) | (inside.x[:, 2] < low)] = FIXED
     write_h5(Path(f"{name}_pack.h5"), inside)
     write(name, HEAD.format("Cone in a rigid box", ALONE), text("box"),
           text("laws", packing=f"{name}_pack", **tool))  # fmt: skip

@@ -52,7 +52,7 @@ RUNS = {  # name: decks that are changed, the program that reads each
     "overlap": {"deck.nml": "couple", "grains.nml": "dem", "solid.nml": "fem"},
     "opened": {"deck.nml": "couple", "grains.nml": "dem"},
 }
-SHORT, LONG = 12, 1500  # changed decks of each run
+SHORT, LONG = 8, 1500  # changed decks of each run
 ENOUGH, LEAVE = 2.0, 20.0  # [s] until it is told to stop, then until it must have ended
 PLACE = re.compile(r"^ +at \S", re.MULTILINE)
 NUMBER = re.compile(r"(?<![\w'.])[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?(?![\w'])")

@@ -44,7 +44,7 @@ TARGETS = {
     "manifest": ("coupled_restart", "deck.manifest", 1),
 }
 TEXT = (".stl", ".csv", ".manifest")  # nothing tells a changed digit in a text
-SHORT, LONG = 3, 80  # damaged inputs of each kind and sort of damage, times the weight
+SHORT, LONG = 2, 80  # damaged inputs of each kind and sort of damage, times the weight
 REALS = [np.nan, np.inf, -np.inf, 1e300, -1e300, 1e-310, 0.0, -1.0, 1e18]
 WHOLES = [-(2**31), 2**31 - 1, 2**31, -(2**63), 2**62, -1, 0, 1, 7, 10**6]
 

@@ -90,12 +90,13 @@ def run(case: Case) -> None:
         ("start held, no pressure", held, "mass = 'nearest'", False),
         ("start held, consistent mass", held, "mass = 'consistent'", True),
         ("start held, ghosts by exchange", held, "mass = 'projected', " + ONCE, True),
+        ("start held, free rim", held, "rim_nodes = 'free', " + ONCE, True),
         ("start not held", "none", "mass = 'nearest'", True),
     )
     for k, (label, initial, rest, pressed) in enumerate(runs):
         seen = motion(case, f"run{k}", initial, rest, pressed)
         kinetic = np.maximum(seen["kinetic"][1:], 1e-32)
-        ax.semilogy(1e3 * seen["time"][1:], kinetic, "os+x^"[k], ms=3, label=label)
+        ax.semilogy(1e3 * seen["time"][1:], kinetic, "os+xv^"[k], ms=3, label=label)
         for name in ("grains", "nodes"):
             text = f"{label}: largest way of {name} / overlap"
             if initial == "none":
