@@ -4,6 +4,7 @@ import contextlib
 import os
 import random
 import re
+import resource
 import signal
 import subprocess
 import time
@@ -17,6 +18,7 @@ from talus.packing import read_packing, write_h5
 from talus.programs import find_program
 
 TABLES = ("coupled_audit.csv", "grains_energy.csv", "coupled_conversions.csv")
+GROWING = {"talus-couple": "coupled_audit.csv", "talus-dem": "grains.h5"}  # the largest files
 SOLVERS = ("talus-dem", "talus-fem")
 CODES = {"talus-dem": 4, "talus-fem": 4, "talus-couple": -signal.SIGKILL, "terminate": 3}
 
@@ -63,7 +65,8 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes | float]:
     began = time.monotonic()
     assert begin(folder).wait() == 0, (folder / "seen.txt").read_text()
     took = time.monotonic() - began
-    return {name: (folder / name).read_bytes() for name in TABLES} | {"took": took}
+    size = {who: (folder / name).stat().st_size for who, name in GROWING.items()}
+    return {name: (folder / name).read_bytes() for name in TABLES} | {"took": took} | size
 
 
 @pytest.mark.parametrize("seed", [1])
@@ -89,5 +92,24 @@ def test_whoever_dies(who: str, seed: int, whole: dict, tmp_path: Path) -> None:
     assert not list(Path("/dev/shm").glob(f"talus-{run.pid}-*"))
     if code != 0:
         assert begin(tmp_path, "--restart=auto").wait() == 0, (tmp_path / "seen.txt").read_text()
+    for name in TABLES:
+        assert (tmp_path / name).read_bytes() == whole[name], name
+
+
+@pytest.mark.parametrize("who", GROWING)
+def test_the_disk_is_full(who: str, whole: dict, tmp_path: Path) -> None:
+    """While elements open and close: one message, and a restart goes on to the same bits."""
+    write_model(tmp_path)
+    run = begin(tmp_path)
+    while not list(tmp_path.glob("coupled.*.manifest")) and run.poll() is None:
+        time.sleep(0.005)
+    most = int(0.9 * whole[who])
+    resource.prlimit({"talus-couple": run.pid, **solvers_of(run)}[who], resource.RLIMIT_FSIZE,
+                     (most, most))  # fmt: skip
+    assert run.wait(60.0) == 4
+    text = (tmp_path / "seen.txt").read_text()
+    assert len(re.findall(r"^error S002: .*no room", text, re.MULTILINE)) == 1, text
+    assert not list(Path("/dev/shm").glob(f"talus-{run.pid}-*"))
+    assert begin(tmp_path, "--restart=auto").wait() == 0, (tmp_path / "seen.txt").read_text()
     for name in TABLES:
         assert (tmp_path / name).read_bytes() == whole[name], name
