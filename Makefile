@@ -13,6 +13,7 @@ TALUS  := $(VENV)/bin/talus
 
 FC     := mpifort
 CC     := gcc
+MPICC  := mpicc
 HDF5   ?= /usr/lib/x86_64-linux-gnu/hdf5/serial
 HDF5_INCLUDE ?= /usr/include/hdf5/serial
 
@@ -35,6 +36,8 @@ endif
 LDFLAGS += -Wl,--wrap=malloc,--wrap=free
 LIBS_HDF5  := -L$(HDF5) -Wl,-rpath,$(HDF5) -lhdf5_fortran -lhdf5
 LIBS_MUMPS := -ldmumps -lmumps_common -lscalapack-openmpi -lmetis -lopenblas
+HYPRE_INCLUDE ?= /usr/include/hypre
+LIBS_HYPRE := -lHYPRE
 
 OBJ := $(BUILD)/obj
 MOD := $(BUILD)/mod
@@ -101,6 +104,9 @@ $(OBJ)/%.o: %.f90 Makefile | $(OBJ) $(MOD)
 $(OBJ)/%_c.o: %.c Makefile | $(OBJ)
 	$(CC) $(CFLAGS) -c -o $@ $<
 $(OBJ)/talus_port_shm_c.o: common/port/talus_port_shm.h
+# mpi.h: by the compiler of MPI that belongs to $(FC)
+$(OBJ)/fem_hypre_c.o: CC := $(MPICC)
+$(OBJ)/fem_hypre_c.o: CFLAGS += -isystem $(HYPRE_INCLUDE)
 # written with the object, its time kept where nothing in it has changed: only a change is passed on
 $(MOD)/%.mod:
 	@test -f $@
@@ -117,7 +123,7 @@ $(OBJ)/talus_build_c.o: $(BUILD)/talus_build.c | $(OBJ)
 $(BIN)/talus-dem: $(OBJ)/dem_main.o $(LIB)/libtalus_dem.a $(LIB)/libtalus_common.a | $(BIN)
 	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_HDF5)
 $(BIN)/talus-fem: $(OBJ)/fem_main.o $(LIB)/libtalus_fem.a $(LIB)/libtalus_common.a | $(BIN)
-	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HDF5)
+	$(FC) -fopenmp $(LDFLAGS) -o $@ $^ $(LIBS_MUMPS) $(LIBS_HYPRE) $(LIBS_HDF5)
 $(BIN)/talus-couple: $(OBJ)/cpl_main.o $(LIB)/libtalus_couple.a $(LIB)/libtalus_common.a | $(BIN)
 	gfortran -fopenmp $(LDFLAGS) -o $@ $^ -lopenblas $(LIBS_HDF5)
 
@@ -143,7 +149,7 @@ $(BUILD)/unit/$(1): $(OBJ)/$(1).o $(LIB)/libtalus_unit.a \
   $(if $(filter test_dem_%,$(1)),$(LIB)/libtalus_dem.a) $(if $(filter test_fem_%,$(1)),$(LIB)/libtalus_fem.a) \
   $(if $(filter test_cpl_%,$(1)),$(LIB)/libtalus_couple.a) $(LIB)/libtalus_common.a | $(BUILD)/unit
 	$(if $(filter test_fem_% test_dem_%,$(1)),$(FC),gfortran) -fopenmp $(LDFLAGS) -o $$@ $$^ \
-	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS)) $(if $(filter test_cpl_%,$(1)),-lopenblas) $(LIBS_HDF5)
+	  $(if $(filter test_fem_%,$(1)),$(LIBS_MUMPS) $(LIBS_HYPRE)) $(if $(filter test_cpl_%,$(1)),-lopenblas) $(LIBS_HDF5)
 endef
 $(foreach t,$(notdir $(UNITS)),$(eval $(call unit_rule,$(t))))
 

@@ -51,7 +51,7 @@ program talus_fem
   end if
   call errors%locate(options%deck)
   if (errors%any() .and. ranks%leads()) call errors%print(error_unit)
-  call model%body%system%solver%mumps%free()
+  call model%body%system%solver%drop()
   call leave_ranks()
   call talus_exit(exit_code)
 

@@ -8,8 +8,8 @@ cd "$(dirname "$0")/.."
 venv=build/venv
 stamps=build/deps
 
-compilers="gcc gfortran make libc6-dev libopenblas-dev libmumps-dev libmetis-dev libhdf5-dev openmpi-bin libopenmpi-dev python3 python3-venv"
-installed="libgfortran5 libopenblas0-pthread libmumps-5.5 libmetis5 libhdf5-103-1 libhdf5-fortran-102 openmpi-bin libopenmpi3 python3"
+compilers="gcc gfortran make libc6-dev libopenblas-dev libmumps-dev libmetis-dev libhypre-dev libhdf5-dev openmpi-bin libopenmpi-dev python3 python3-venv"
+installed="libgfortran5 libopenblas0-pthread libmumps-5.5 libmetis5 libhypre-2.26.0 libhdf5-103-1 libhdf5-fortran-102 openmpi-bin libopenmpi3 python3"
 gmsh_libraries="libglu1-mesa libgl1 libxrender1 libxcursor1 libxfixes3 libxext6 libxft2 libfontconfig1 libxinerama1 libx11-6 libgomp1"
 drawing_libraries="libegl1"  # VTK draws through it where there is no screen
 peers="lammps liggghts calculix-ccx openmpi-bin util-linux"
@@ -19,7 +19,7 @@ fail() { printf 'deps: %s\n' "$*" >&2; exit 4; }
 apt_packages() {  # $1: names of packages
   local missing=() package
   if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
-    command -v mpifort >/dev/null || fail "no apt on this machine: load a Fortran compiler, MPI, MUMPS, METIS, HDF5 and OpenBLAS (README, 'Without apt')"
+    command -v mpifort >/dev/null || fail "no apt on this machine: load a Fortran compiler, MPI, MUMPS, METIS, hypre, HDF5 and OpenBLAS (README, 'Without apt')"
     return 0
   fi
   for package in $1; do

@@ -1,5 +1,5 @@
 !> The linear system of free degrees of freedom: numbering, order, factors, solution; by MUMPS, or
-!! by conjugate gradients where that is faster.
+!! by conjugate gradients or multigrid where that is faster.
 module fem_solver
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -8,6 +8,7 @@ module fem_solver
   use fem_dofs, only: fem_dofs_type
   use fem_sparse, only: fem_pattern_type, make_pattern
   use fem_metis, only: dissect
+  use fem_multigrid, only: multigrid_type
   use fem_mumps, only: mumps_type
   implicit none
   private
@@ -21,14 +22,19 @@ module fem_solver
     type(fem_dofs_type), allocatable :: whole    !! of all ranks' elements, for the order
     type(mumps_type) :: mumps
     integer(i4) :: factorisations = 0
-    logical :: iterative = .false.               !! conjugate gradients
+    logical :: iterative = .false.               !! no factors
+    logical :: by_multigrid = .false.            !! hypre, not our conjugate gradients
     real(wp) :: tolerance = 1.0e-10_wp           !! of their residual, relative
     type(cg_type) :: cg
+    type(multigrid_type) :: multigrid
+    integer(i4) :: iterations = 0                !! of the last solution
+    real(wp) :: residual = 0.0_wp                !! of the last solution, relative
     real(wp), allocatable, private :: value(:), right(:)
   contains
     procedure :: number
     procedure :: factor
     procedure :: solve
+    procedure :: drop
   end type fem_solver_type
 
 contains
@@ -57,7 +63,9 @@ contains
         self%equation(c, i) = self%free
       end do
     end do
-    if (self%free == 0 .or. self%iterative) return
+    if (self%free == 0) return
+    if (self%by_multigrid) call self%multigrid%number(dofs, pattern, self%equation > 0)
+    if (self%iterative) return
     call entries_of(self, pattern, irn, jcn)
     call elimination(self, dofs, order)
     self%mumps%ranks = pattern%halo%ranks_type
@@ -193,6 +201,10 @@ contains
     if (self%iterative) then
       if (mass_factor > 0.0_wp) error stop 'bug: the iterative solver is for statics'
       self%factorisations = self%factorisations + 1
+      if (self%by_multigrid) then
+        call make_hierarchy(self, pattern, k, errors, lower)
+        return
+      end if
       call self%cg%prepare(pattern, k, self%equation > 0)
       if (.not. self%cg%factors%ready) &
         call errors%add('N302', 'the stiffness is not positive definite', &
@@ -203,6 +215,24 @@ contains
     call self%mumps%factor(self%value, errors)
     self%factorisations = self%factorisations + 1
   end subroutine factor
+
+  !> The levels of multigrid for a matrix.
+  subroutine make_hierarchy(self, pattern, k, errors, lower)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: k(:, :, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), intent(in), optional :: lower(:, :, :)
+    real(wp) :: none(3, 3, 0)
+    self%multigrid%indefinite = self%mumps%indefinite
+    if (present(lower)) then
+      call self%multigrid%prepare(pattern, k, lower)
+    else
+      call self%multigrid%prepare(pattern, k, none)
+    end if
+    if (.not. self%multigrid%ready) call errors%add('S306', 'hypre made no hierarchy of levels '// &
+      'for '//str(self%free)//' unknowns', hint="take solver = 'direct' in &analysis")
+  end subroutine make_hierarchy
 
   !> Values of the entries of K + mass_factor M, in the order of `entries_of`.
   subroutine fill_values(self, pattern, k, mass, mass_factor, lower)
@@ -242,15 +272,11 @@ contains
     real(wp), intent(out) :: du(:, :)
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: i, c
-    logical :: found
 
     du = 0.0_wp
     if (self%free == 0) return
     if (self%iterative) then
-      call self%cg%solve(pattern, residual, self%tolerance, du, found)
-      if (.not. found) call errors%add('N306', 'conjugate gradients stopped after '// &
-        str(self%cg%iterations)//' iterations at a residual of '//str(self%cg%residual), &
-        hint="take solver = 'direct' in &analysis")
+      call iterate(self, pattern, residual, du, errors)
       return
     end if
     do i = 1, size(self%equation, 2)
@@ -266,4 +292,37 @@ contains
       end do
     end do
   end subroutine solve
+
+  !> du without factors.
+  subroutine iterate(self, pattern, residual, du, errors)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out), contiguous :: du(:, :)
+    type(error_list_type), intent(inout) :: errors
+    logical :: found
+    if (self%by_multigrid) then
+      call self%multigrid%solve(pattern, residual, self%tolerance, du, found)
+      self%iterations = self%multigrid%iterations
+      self%residual = self%multigrid%residual
+      if (.not. found) call errors%add('N308', 'multigrid stopped after '// &
+        str(self%iterations)//' iterations at a residual of '//str(self%residual), &
+        hint="take solver = 'direct' in &analysis")
+      return
+    end if
+    call self%cg%solve(pattern, residual, self%tolerance, du, found)
+    self%iterations = self%cg%iterations
+    self%residual = self%cg%residual
+    if (.not. found) call errors%add('N306', 'conjugate gradients stopped after '// &
+      str(self%iterations)//' iterations at a residual of '//str(self%residual), &
+      hint="take solver = 'direct' in &analysis")
+  end subroutine iterate
+
+  !> Release factors and levels.
+  subroutine drop(self)
+    class(fem_solver_type), intent(inout) :: self
+    call self%cg%drop()
+    call self%multigrid%drop()
+    call self%mumps%free()
+  end subroutine drop
 end module fem_solver

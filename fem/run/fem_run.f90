@@ -94,8 +94,8 @@ contains
     type(fem_model_type), intent(inout) :: model
     if (model%analysis%listed) call log_factors(model)
     if (model%body%system%solver%iterative) call model%log%item('iterations', &
-      str(model%body%system%solver%cg%iterations), 'residual '// &
-      short_number(model%body%system%solver%cg%residual))
+      str(model%body%system%solver%iterations), 'residual '// &
+      short_number(model%body%system%solver%residual))
   end subroutine log_iterations
 
   !> Is the run to stop, or a checkpoint due? The leader decides.
@@ -123,7 +123,8 @@ contains
     call errors%clear()
     call model%body%reject()
     model%body%system%solver%iterative = .false.
-    call model%body%system%solver%cg%drop()
+    model%body%system%solver%by_multigrid = .false.
+    call model%body%system%solver%drop()
     call model%body%system%forget_numbers()
     call model%body%system%forget_factors()
     call model%analysis%step(model%body, t1, errors)

@@ -105,6 +105,12 @@ contains
       if ((model%body%matter%active .or. model%analysis%listed) .and. &
           model%logged_factors > 0) return  ! one an iteration or a step
       model%logged_factors = solver%factorisations
+      if (solver%by_multigrid) then
+        call model%log%item('solver', 'multigrid', str(solver%free)// &
+          ' free degrees of freedom, '//trim(merge('conjugate gradients', &
+          'least residuals    ', solver%multigrid%symmetric)))
+        return
+      end if
       if (solver%iterative) then
         call model%log%item('solver', 'conjugate gradients', str(solver%free)// &
           ' free degrees of freedom, incomplete factors '// &
@@ -161,7 +167,7 @@ contains
     call summary%set('health.displacement_gradient', model%gradient)
     call summary%set('health.factorisations', model%body%system%solver%factorisations)
     if (model%body%system%solver%iterative) call summary%set('health.iterations', &
-      model%body%system%solver%cg%iterations)
+      model%body%system%solver%iterations)
     if (model%body%pore%active) &
       call summary%set('health.liquid_balance', balance_error(model%body))
     call model%analysis%summarise(model%body, summary)

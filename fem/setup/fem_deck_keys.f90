@@ -1102,7 +1102,7 @@ contains
       //'for more than ten steps, coupled runs, and if it does not converge. Dynamics is ' &
       //'direct.')
     call table%preset('auto')
-    call table%allow('auto|direct|iterative')
+    call table%allow('auto|direct|iterative|multigrid')
     call table%only_with('kind', 'static')
     call table%add_key('factors', 'string', '', &
       'Where the factors of the direct solver are kept; `auto`: in memory, on disk ' &

@@ -70,7 +70,7 @@ contains
     call deck%get('analysis', 1, 'solver', solver)
     if (kind == 'static' .or. kind == 'newmark' .or. kind == 'hht') then
       do k = 1, size(keys)
-        if (keys(k) == 'tolerance' .and. solver == 'iterative') cycle
+        if (keys(k) == 'tolerance' .and. (solver == 'iterative' .or. solver == 'multigrid')) cycle
         if (deck%given('analysis', 1, trim(keys(k)))) call deck%fault(errors, 'D325', &
           trim(keys(k))//' means nothing to linear solids', 'analysis', 1, trim(keys(k)), &
           'no section has a law with a state')
@@ -91,10 +91,11 @@ contains
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: kind, solver
+    character(len=:), allocatable :: kind, solver, path
     integer(i4) :: e
     call deck%get('analysis', 1, 'kind', kind)
     call deck%get('analysis', 1, 'solver', solver)
+    call deck%get('analysis', 1, 'continuation', path)
     if (body%scheme%linear_only) call deck%fault(errors, 'D334', "kind = '"//kind// &
       "' supports linear laws alone, and a section has one with a state", 'analysis', 1, &
       'kind', "use kind = 'static', 'newmark', 'hht' or 'explicit'")
@@ -104,8 +105,12 @@ contains
       'analysis', 1, 'rayleigh_stiffness', 'use rayleigh_mass, dashpots, or the numerical '// &
       "damping of kind = 'hht'")
     if (solver == 'iterative') call deck%fault(errors, 'D334', &
-      'tangents of laws with a state need factors', 'analysis', 1, 'solver', &
-      "take solver = 'direct' or leave it out")
+      'tangents of laws with a state need factors or multigrid', 'analysis', 1, 'solver', &
+      "take solver = 'direct' or 'multigrid', or leave it out")
+    if (solver == 'multigrid' .and. (path == 'arc_length' .or. body%matter%micro%active)) &
+      call deck%fault(errors, 'D334', trim(merge('a path by arc length    ', &
+      'a micromorphic solid    ', path == 'arc_length'))//' needs factors', 'analysis', 1, &
+      'solver', "take solver = 'direct' or leave it out")
     if (body%matter%micro%active) return
     if (any(body%elastic%layered_of > 0)) call deck%fault(errors, 'D334', 'element '// &
       str(int(findloc(body%elastic%layered_of > 0, .true., 1), i4))//' is of a layered solid, '// &

@@ -87,9 +87,9 @@ contains
       'a path by arc length has no times, consolidation needs them', 'analysis', 1, &
       'continuation', "take continuation = 'load'")
     call deck%get('analysis', 1, 'solver', text)
-    if (text == 'iterative') call deck%fault(errors, 'D446', &
-      'conjugate gradients need a positive matrix, that with pore pressures is not', 'analysis', &
-      1, 'solver', "take solver = 'direct'")
+    if (text == 'iterative' .or. text == 'multigrid') call deck%fault(errors, 'D446', &
+      "solver = '"//text//"' needs a positive matrix, that with pore pressures is not", &
+      'analysis', 1, 'solver', "take solver = 'direct'")
     if (deck%count('stage') > 0) call deck%fault(errors, 'D446', &
       'stages do not know pore pressures', 'stage', 1, '', 'leave the stages or &pore out')
     if (body%matter%micro%active) call deck%fault(errors, 'D446', &

@@ -12,6 +12,7 @@ module fem_setup_solver
   public :: read_storage, choose_solver
 
   real(wp), parameter :: few_steps = 10.0_wp
+  real(wp), parameter :: in_newton = 1.0e-6_wp  !! residual of equations whose tangent changes
 
 contains
 
@@ -44,9 +45,13 @@ contains
     call deck%get('analysis', 1, 'solver', choice)
     by_itself = choice == 'auto'
     associate (solver => body%system%solver)
-      solver%iterative = choice == 'iterative'
-      if (solver%iterative .and. deck%given('analysis', 1, 'tolerance')) &
+      solver%by_multigrid = choice == 'multigrid'
+      solver%iterative = choice == 'iterative' .or. solver%by_multigrid
+      if (body%matter%active) then
+        solver%tolerance = in_newton
+      else if (solver%iterative .and. deck%given('analysis', 1, 'tolerance')) then
         call deck%get('analysis', 1, 'tolerance', solver%tolerance)
+      end if
       if (.not. by_itself) return
       solver%iterative = analysis%iterative .and. .not. (served .or. body%matter%active) .and. &
         analysis%t_end <= few_steps*analysis%dt

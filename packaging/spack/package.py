@@ -26,6 +26,7 @@ class Talus(MakefilePackage):
     depends_on("mumps@5.5:+mpi+double~int64")
     depends_on("scalapack")
     depends_on("metis@5.1:~int64~real64")
+    depends_on("hypre@2.26:2+mpi~int64~mixedint~complex")
     depends_on("openblas")
     depends_on("hdf5@1.10:1.14+fortran~mpi")
 
@@ -53,6 +54,9 @@ class Talus(MakefilePackage):
             f"ARCH={self.architecture_flag()}",
             f"HDF5={self.spec['hdf5:fortran'].libs.directories[0]}",
             f"HDF5_INCLUDE={modules}",
+            f"MPICC={self.spec['mpi'].mpicc}",
+            f"HYPRE_INCLUDE={self.spec['hypre'].prefix.include}",
+            f"LIBS_HYPRE={self.spec['hypre'].libs.search_flags} -lHYPRE",
             f"LIBS_MUMPS={libraries} -ldmumps -lmumps_common -lscalapack -lmetis -lopenblas",
         ]
 

@@ -22,6 +22,7 @@ SPACK_NAMES = {
     "libopenblas-dev": "openblas",
     "libmumps-dev": "mumps",
     "libmetis-dev": "metis",
+    "libhypre-dev": "hypre",
     "libhdf5-dev": "hdf5",
     "libopenmpi-dev": "mpi",
     "python3": "python",

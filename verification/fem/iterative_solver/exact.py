@@ -49,7 +49,10 @@ def run(case: Case) -> None:
         found = solve(case, name, element, material, "iterative")
         off = float(abs(found - direct).max() / abs(direct).max())
         case.below(f"{element}, nu = {poisson}: difference / largest", off, 1e-8)
-        for solver in ("direct", "iterative"):
+        found = solve(case, name, element, material, "multigrid")
+        off = float(abs(found - direct).max() / abs(direct).max())
+        case.below(f"{element}, nu = {poisson}: multigrid, difference / largest", off, 1e-8)
+        for solver in ("direct", "iterative", "multigrid"):
             summary = json.loads((case.folder / f"{name}_{solver}_summary.json").read_text())
             left = summary["health"]["residual"]
             case.below(f"{element}, nu = {poisson}: residual, {solver}", left, 1e-8)

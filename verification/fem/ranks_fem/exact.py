@@ -32,10 +32,13 @@ RAYLEIGH = ", rayleigh_mass = 5.0, rayleigh_stiffness = 1.0e-5"
 STEP = "dt = 1.0e-3"
 SAME = 1.0e-10
 ITERATE = "kind = 'static', solver = 'iterative'"
+MULTIGRID = "kind = 'static', solver = 'multigrid'"
 NEWTON = "tolerance = 1.0e-12"
 RUNS = {  # element, material, more groups, analysis
     "factors": ("hex8_bbar", CLASSICAL, SPRINGS, "kind = 'static', solver = 'direct', dt = 5e-3"),
     "gradients": ("hex8_bbar", CLASSICAL, SPRINGS, f"{ITERATE}, tolerance = 1.0e-13"),
+    "multigrid": ("hex20/hex8", POLAR, "", f"{MULTIGRID}, tolerance = 1.0e-13"),
+    "flow": ("hex8_bbar", PLASTIC, STRESS, f"{MULTIGRID}, {NEWTON}, {STEP}"),
     "plastic": ("hex8_bbar", PLASTIC, STRESS, f"kind = 'static', {NEWTON}, {STEP}"),
     "finite": ("hex8_bbar", FINITE, FOLLOWER + SPRINGS, f"kind = 'static', {NEWTON}, {STEP}"),
     "newmark": ("hex20/hex8", POLAR, "", f"kind = 'newmark', {STEP}"),

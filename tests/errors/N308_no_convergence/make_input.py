@@ -1,0 +1,11 @@
+"""Make the mesh: a box of 2 x 1 x 1 cubes, a group for each half."""
+
+from pathlib import Path
+
+import numpy as np
+
+from talus import mesh as meshes
+
+mesh = meshes.box(np.zeros(3), np.array([2.0, 1.0, 1.0]), (2, 1, 1))
+mesh.volumes = {"left": np.array([0]), "right": np.array([1])}
+meshes.write_mesh(Path("box.h5"), mesh)
