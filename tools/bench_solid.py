@@ -1,9 +1,9 @@
 """Solids of `make bench`: a clamped cube under gravity, static and explicit, beside CalculiX.
 
-Cases: static_KIND_N (whole runs, direct and iterative), assembly and explicit rows over the number
-of elements, states and tangents of micromorphic points, and a million elements by the iterative
-solver. Displacements are compared with those that CalculiX and FEniCSx print for the same mesh, so
-that the same problem is timed.
+Cases: static_KIND_N (whole runs: direct, iterative, multigrid), assembly and explicit rows over the
+number of elements, states and tangents of micromorphic points, and a million elements by
+iterations. Displacements are compared with those that CalculiX and FEniCSx print for the same mesh,
+so that the same problem is timed.
 """
 
 import json
@@ -40,6 +40,8 @@ STATIC = {
     "static_hex8_40": ("hex8", 40),
     "static_hex20_20": ("hex20", 20),
 }
+LARGE = "static_hex8_60"  # without factors, which would take 14 GB
+SOLVERS = ("direct", "iterative", "multigrid")
 SIZES = (22, 46, 100)  # elements along an edge: 1e4, 1e5 and 1e6
 POLAR_SIZES = (8, 22)
 QUICK_SIZES = (10,)
@@ -51,8 +53,9 @@ EXPLICIT = {
 WAVE = 6020.0  # m/s, of compression
 CCX_STEPS = (20, 140)  # of the two runs whose difference is CalculiX's rate
 POINTS = "micromorphic_points"
-CASES = (*STATIC, "assembly", *EXPLICIT, POINTS, "solid_million")
-DEFAULT = tuple(case for case in CASES if case not in ("static_hex8_10", "solid_million"))
+CASES = (*STATIC, LARGE, "assembly", *EXPLICIT, POINTS, "solid_million")
+ASKED_FOR = ("static_hex8_10", LARGE, "solid_million")
+DEFAULT = tuple(case for case in CASES if case not in ASKED_FOR)
 QUICK = ("static_hex8_10", "assembly", *EXPLICIT, POINTS)
 
 MATERIALS = {
@@ -209,23 +212,27 @@ class Bench:
         calculix.write_model(self.folder / name, self.folder / mesh, CONSTANTS)
         return name
 
-    def static(self, case: str, solvers: tuple[str, ...] = ("direct", "iterative")) -> list[Row]:
-        """Whole static runs of both codes, by factors and by iterations, in turns."""
-        kind, n = STATIC.get(case, ("hex8", SIZES[-1]))
+    def static(self, case: str, solvers: tuple[str, ...] = SOLVERS) -> list[Row]:
+        """Whole static runs of both codes, by factors and by iterations, in turns.
+
+        CalculiX has no multigrid: its iterative solver stands beside ours.
+        """
+        kind, n = STATIC.get(case, ("hex8", 60 if case == LARGE else SIZES[-1]))
         element = {"hex8": "hex8_full"}.get(kind, kind)
         mesh = write_cube(self.folder, kind, n)
-        peer = self.peer if case in STATIC else None
+        peers = calculix.SOLVERS if self.peer and case != "solid_million" else {}
         for solver in solvers:
             name = f"{case}_{solver}"
             self.deck(name, mesh, element, f"kind = 'static', solver = '{solver}'", output=True)
-            if peer:
+            if solver in peers:
                 text = calculix.static(self.model(mesh), GRAVITY, solver)
                 (self.folder / f"{name}_ccx.inp").write_text(text)
         rows = [
             Row(code, f"{case}_{solver}", n**3, cores, float(n**3))
             for cores in self.cores
             for solver in solvers
-            for code in ("talus", *(["talus_ranks"] * (cores > 1)), *(["calculix"] if peer else []))
+            for code in ("talus", "talus_ranks", "calculix")
+            if (code != "talus_ranks" or cores > 1) and (code != "calculix" or solver in peers)
         ]
         for _ in range(self.repeats):
             for row in rows:
@@ -336,8 +343,8 @@ def rows_of(bench: Bench, case: str) -> list[dict]:
         found = bench.assembly()
     elif case == POINTS:
         found = bench.points()
-    elif case == "solid_million":
-        found = bench.static(case, ("iterative",))
+    elif case in (LARGE, "solid_million"):
+        found = bench.static(case, ("iterative", "multigrid"))
     else:
         found = bench.explicit(case)
     speed = {
@@ -347,7 +354,7 @@ def rows_of(bench: Bench, case: str) -> list[dict]:
     }
     rows = []
     for row in found:
-        peer = speed.get((row.case, row.cores))
+        peer = speed.get((row.case.replace("multigrid", "iterative"), row.cores))
         ratio = row.work / statistics.median(row.wall) / peer if peer else None
         rows.append(row.as_dict(ratio))
         print("  " + say(rows[-1]), flush=True)

@@ -15,7 +15,7 @@
 #include <HYPRE_parcsr_ls.h>
 #include <mpi.h>
 
-enum { hmis = 10, multipass_extended = 6, extended_i = 6, per_row = 4 };
+enum { hmis = 10, extended_i = 6, two_stage_extended = 7, per_row = 4 };
 enum { chebyshev = 16, symmetric_gauss_seidel = 8, basis = 100, fault = -1 };
 static const double strong = 0.5;  /* connections, over the strongest of a row */
 
@@ -105,7 +105,7 @@ int talus_hypre_set_up(void *system, int functions, const int *function, int sym
     HYPRE_BoomerAMGSetPMaxElmts(s->amg, per_row);
     HYPRE_BoomerAMGSetStrongThreshold(s->amg, strong);
     HYPRE_BoomerAMGSetAggNumLevels(s->amg, 1);
-    HYPRE_BoomerAMGSetAggInterpType(s->amg, multipass_extended);
+    HYPRE_BoomerAMGSetAggInterpType(s->amg, two_stage_extended);
     HYPRE_BoomerAMGSetRelaxType(s->amg, symmetric ? chebyshev : symmetric_gauss_seidel);
     HYPRE_BoomerAMGSetup(s->amg, matrix, right, x);
     return HYPRE_GetError();

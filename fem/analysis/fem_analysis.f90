@@ -27,7 +27,7 @@ module fem_analysis
     real(wp) :: t_end = 0.0_wp, dt = 0.0_wp  !! end and step of a run of its own, 0: open [s]
     logical :: variable = .false.          !! steps have any length, see `next_time`
     logical :: listed = .false.            !! steps are items of a list (modes), not times
-    logical :: iterative = .false.         !! conjugate gradients may solve the equations
+    logical :: iterative = .false.         !! iterations may solve the equations
     logical :: solves = .true.             !! answers SOLVE at the port
   contains
     procedure(read_kind), deferred :: read   !! numbers of the deck, before the sections are read

@@ -37,7 +37,6 @@ contains
     type(fem_scheme_type), intent(inout) :: scheme
     type(error_list_type), intent(inout) :: errors
     self%table = 'arc'
-    self%iterative = .true.
     self%path%settled = deck%count('geostatic') + deck%count('initial_stress') > 0
     if (deck%given('analysis', 1, 'first_share')) &
       call deck%get('analysis', 1, 'first_share', self%path%first)

@@ -81,7 +81,8 @@ module fem_parts
     real(wp) :: factored_dt = -1.0_wp            !! [s], 0 in statics, < 0 not factored
     real(wp) :: restored_dt = -1.0_wp            !! [s] of the factors at a checkpoint, < 0 none
     logical :: fresh_numbering = .false.
-    real(wp) :: cost_quotient = -1.0_wp          !! factors over conjugate gradients, < 0 not known
+    real(wp) :: cost_quotient = -1.0_wp          !! factors over iterations, < 0 not known
+    logical :: multigrid_is_less = .false.       !! of both iterations, by the same estimate
   contains
     procedure :: keep_factors
     procedure :: forget_factors

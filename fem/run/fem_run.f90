@@ -89,7 +89,7 @@ contains
     before_output = merge(due, now + 0.5_wp*(due - now), t >= due)
   end function before_output
 
-  !> Iterations of conjugate gradients, and new factors of kinds that compute them as needed.
+  !> Iterations of the solver, and new factors of kinds that compute them as needed.
   subroutine log_iterations(model)
     type(fem_model_type), intent(inout) :: model
     if (model%analysis%listed) call log_factors(model)
@@ -114,12 +114,12 @@ contains
     if (model%stopped) call model%log%line('stopped by '//model%stop%text())
   end subroutine check_requests
 
-  !> The step again by factors, where conjugate gradients were chosen and did not converge.
+  !> The step again by factors, where iterations were chosen and did not converge.
   subroutine go_direct(model, t1, errors)
     type(fem_model_type), intent(inout) :: model
     real(wp), intent(in) :: t1
     type(error_list_type), intent(inout) :: errors
-    call model%log%warn('conjugate gradients did not converge; factors are made')
+    call model%log%warn('the iterations did not converge; factors are made')
     call errors%clear()
     call model%body%reject()
     model%body%system%solver%iterative = .false.

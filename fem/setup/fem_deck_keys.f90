@@ -1097,10 +1097,12 @@ contains
     call table%add_key('solver', 'string', '', &
       'How `static` solves its equations: `direct` by factors (MUMPS), which are reused' &
       //' by any number of steps; `iterative` by conjugate gradients with an incomplete ' &
-      //'factorisation, for large problems of few steps. `auto`: what costs less by an ' &
-      //'estimate from size, shape, supports, element kind and Poisson''s ratio; direct ' &
-      //'for more than ten steps, coupled runs, and if it does not converge. Dynamics is ' &
-      //'direct.')
+      //'factorisation, for large problems of few steps; `multigrid` by conjugate ' &
+      //'gradients or GMRES with algebraic multigrid (hypre), for still larger ones and ' &
+      //'for laws with a state. `auto`: what costs less by an estimate from size, shape, ' &
+      //'supports, element kind and Poisson''s ratio; direct for more than ten steps of ' &
+      //'linear solids, coupled runs, and if it does not converge. Dynamics, arc length, ' &
+      //'micromorphic solids and pore pressures are direct.')
     call table%preset('auto')
     call table%allow('auto|direct|iterative|multigrid')
     call table%only_with('kind', 'static')
@@ -1159,8 +1161,8 @@ contains
       'Relative change of the squared frequencies at which the iteration of `modal` ' &
       //'ends; residual over loads and reactions (in statics the largest of the run so ' &
       //'far) at which `relaxation`, and `static`, `newmark` and `hht` of laws with a ' &
-      //'state, end (there 1e-8 unless given); decrease of the residual at which ' &
-      //'conjugate gradients (`solver = ''iterative''`) end.')
+      //'state, end (there 1e-8 unless given); decrease of the residual at which the ' &
+      //'iterations of linear solids (`solver = ''iterative''`, `''multigrid''`) end.')
     call table%preset('1e-10')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)

@@ -1,10 +1,10 @@
-!> How the equations are solved: by factors, in memory or on disk, or by conjugate gradients.
+!> How the equations are solved: by factors, in memory or on disk, or by iterations.
 module fem_setup_solver
   use talus_kinds, only: wp, i4
   use talus_deck, only: deck_type
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
-  use fem_solver_choice, only: cost_quotient
+  use fem_solver_choice, only: estimate_costs
   use fem_mumps, only: storage_memory, storage_disk
   use fem_solver, only: fem_solver_type
   implicit none
@@ -32,7 +32,7 @@ contains
     end associate
   end subroutine read_storage
 
-  !> Conjugate gradients for statics of few steps where they cost less, factors otherwise;
+  !> What costs least for statics: conjugate gradients, multigrid or factors;
   !! `by_itself` is true that the deck leaves the choice open. The estimate is made once, before
   !! ranks keep their own elements alone: all choose alike.
   subroutine choose_solver(deck, body, analysis, served, by_itself)
@@ -53,13 +53,23 @@ contains
         call deck%get('analysis', 1, 'tolerance', solver%tolerance)
       end if
       if (.not. by_itself) return
-      solver%iterative = analysis%iterative .and. .not. (served .or. body%matter%active) .and. &
-        analysis%t_end <= few_steps*analysis%dt
+      solver%iterative = may_iterate(body, analysis) .and. .not. served
       if (.not. solver%iterative) return
-      if (body%system%cost_quotient < 0.0_wp) body%system%cost_quotient = &
-        cost_quotient(body%mesh, body%elastic, body%supports%held)
-      solver%iterative = body%system%cost_quotient > 1.0_wp .and. &
-        analysis%t_end <= body%system%cost_quotient*analysis%dt
+      if (body%system%cost_quotient < 0.0_wp) call estimate_costs(body%mesh, body%elastic, &
+        body%supports%held, body%matter%active, body%system%cost_quotient, &
+        body%system%multigrid_is_less)
+      solver%iterative = body%system%cost_quotient > 1.0_wp .and. (body%matter%active .or. &
+        analysis%t_end <= body%system%cost_quotient*analysis%dt)
+      solver%by_multigrid = solver%iterative .and. body%system%multigrid_is_less
     end associate
   end subroutine choose_solver
+
+  !> Statics: of linear solids in few steps, which factors would share, or of laws with a state.
+  pure logical function may_iterate(body, analysis)
+    type(fem_body_type), intent(in) :: body
+    class(fem_analysis_type), intent(in) :: analysis
+    may_iterate = analysis%iterative .and. .not. (body%matter%micro%active .or. body%pore%active)
+    if (.not. body%matter%active) &
+      may_iterate = may_iterate .and. analysis%t_end <= few_steps*analysis%dt
+  end function may_iterate
 end module fem_setup_solver

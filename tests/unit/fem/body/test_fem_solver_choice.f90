@@ -5,7 +5,7 @@ program test_fem_solver_choice
   use fem_breadth, only: level_count, levels_from
   use fem_elastic, only: fem_elastic_type
   use fem_kinds, only: hex8, hex20, hex27, tet4, tet10, wedge6
-  use fem_solver_choice, only: direct_over_iterative, cost_quotient
+  use fem_solver_choice, only: direct_over_iterative, estimate_costs, turn
   use fem_types, only: fem_mesh_type
   implicit none
   type(test_type) :: test
@@ -68,7 +68,8 @@ contains
   !> A cube of twice the cells a side: four times; nearly incompressible: less by the power 2/3.
   subroutine check_growth()
     type(fem_elastic_type) :: elastic
-    real(wp) :: one, compressible
+    real(wp) :: one, compressible, quotient
+    logical :: multigrid
     integer(i4), parameter :: n = 5000
     logical :: held(3, 4*(n + 1))
     one = direct_over_iterative(hex8, 10000, [20, 20], 0.4_wp)
@@ -76,6 +77,9 @@ contains
                     abs(direct_over_iterative(hex8, 9999, [5, 5], 0.4_wp)) <= 0.0_wp)
     call test%check_close('larger cube', direct_over_iterative(hex8, 80000, [40, 40], 0.4_wp)/one, &
                           4.0_wp, 1.0e-12_wp)
+    call test%check_close('multigrid beyond the turn', &
+      direct_over_iterative(hex8, 640000, [2*turn(hex8), 2*turn(hex8)], 0.4_wp)/ &
+      direct_over_iterative(hex8, 80000, [turn(hex8), turn(hex8)], 0.4_wp), 8.0_wp, 1.0e-12_wp)
     call test%check_close('incompressible', &
                           direct_over_iterative(hex8, 10000, [20, 20], 0.0004_wp)/one, &
                           0.01_wp, 1.0e-12_wp)
@@ -84,12 +88,18 @@ contains
     elastic%moduli(2, :) = 1.0_wp
     held = .false.
     held(:, :4) = .true.
-    compressible = cost_quotient(row_of(n, 1), elastic, held)
+    call estimate_costs(row_of(n, 1), elastic, held, .false., compressible, multigrid)
+    call test%check('many levels: multigrid', multigrid)
     call test%check_close('a body', compressible, &
                           direct_over_iterative(hex8, 12*n, [n + 1, n + 1], 0.4_wp), &
                           1.0e-20_wp)
     elastic%moduli(1, 7) = 2499.0_wp
-    call test%check_close('its least compressible element counts', &
-      cost_quotient(row_of(n, 1), elastic, held)/compressible, 0.01_wp, 1.0e-12_wp)
+    call estimate_costs(row_of(n, 1), elastic, held, .false., quotient, multigrid)
+    call test%check_close('its least compressible element counts', quotient/compressible, &
+                          0.01_wp, 1.0e-12_wp)
+    call estimate_costs(row_of(20, 1), elastic, held(:, :84), .false., quotient, multigrid)
+    call test%check('few levels: conjugate gradients', .not. multigrid)
+    call estimate_costs(row_of(20, 1), elastic, held(:, :84), .true., quotient, multigrid)
+    call test%check('laws with a state: multigrid', multigrid)
   end subroutine check_growth
 end program test_fem_solver_choice
