@@ -7,6 +7,7 @@
  *
  * Sources: Henson and Yang 2002 (https://doi.org/10.1016/S0168-9274(01)00115-5); Baker, Kolev and Yang 2010
  * (https://doi.org/10.1002/nla.688). */
+#include <math.h>
 #include <stdlib.h>
 
 #include <HYPRE.h>
@@ -160,17 +161,19 @@ static int by_residuals(hypre_system *s, double tolerance, int most, void *const
     return iterations;
 }
 
-/* This rank's rows of the solution, from zero, and the residual over the right-hand side, by conjugate gradients
-   or by least residuals (GMRES). Returns the iterations, or a negative number for a fault of hypre. */
+/* This rank's rows of the solution, from zero, by conjugate gradients or by least residuals (GMRES). residual[0] is
+   that of the method over the right-hand side; residual[1] is the norm of the true one: gradients that break down
+   report none. Returns the iterations, or a negative number for a fault of hypre. */
 int talus_hypre_solve(void *system, int gradients, double tolerance, int most, const double *right,
                       double *x, double *residual)
 {
     hypre_system *s = system;
     void *object[3];
     int iterations;
+    double square = 1.0;
     for (int i = 0; i < s->rows; i++)
         x[i] = 0.0;
-    *residual = 1.0;
+    residual[0] = 1.0;
     HYPRE_ClearAllErrors();
     HYPRE_IJVectorSetValues(s->right, s->rows, s->row, right);
     HYPRE_IJVectorSetValues(s->x, s->rows, s->row, x);
@@ -182,6 +185,9 @@ int talus_hypre_solve(void *system, int gradients, double tolerance, int most, c
     iterations = gradients ? by_gradients(s, tolerance, most, object, residual)
                            : by_residuals(s, tolerance, most, object, residual);
     HYPRE_IJVectorGetValues(s->x, s->rows, s->row, x);
+    HYPRE_ParCSRMatrixMatvec(-1.0, object[0], object[2], 1.0, object[1]);
+    HYPRE_ParVectorInnerProd(object[1], object[1], &square);
+    residual[1] = sqrt(square);
     HYPRE_ClearError(HYPRE_ERROR_CONV);
     return HYPRE_GetError() ? fault : iterations;
 }

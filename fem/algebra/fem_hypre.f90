@@ -38,7 +38,7 @@ module fem_hypre
       real(c_double), value, intent(in) :: tolerance
       real(c_double), intent(in) :: right(*)
       real(c_double), intent(out) :: x(*)
-      real(c_double), intent(out) :: residual
+      real(c_double), intent(out) :: residual(2)  !! of the method, true
     end function hypre_solve
     subroutine hypre_free(system) bind(c, name='talus_hypre_free')
       import :: c_ptr

@@ -18,6 +18,7 @@ module fem_multigrid
 
   integer(i4), parameter :: most_iterations = 500
   integer(i4), parameter :: batch = 2**20          !! entries handed over at once
+  real(wp), parameter :: drift = 10.0_wp           !! of the true residual, over that of a method
   integer(i4), parameter :: gradients = 1, least_residuals = 0
 
   type :: multigrid_type
@@ -295,9 +296,12 @@ contains
     subroutine iterate(method)
       integer(i4), intent(in) :: method
       integer(i4) :: n
-      n = hypre_solve(self%system, method, tolerance, most_iterations, b, y, self%residual)
+      real(wp) :: left(2)
+      n = hypre_solve(self%system, method, tolerance, most_iterations, b, y, left)
+      self%residual = left(2)
       self%iterations = self%iterations + max(0, n)
-      found = .not. on_any(pattern, n < 0 .or. .not. self%residual <= tolerance)
+      found = .not. on_any(pattern, n < 0 .or. .not. &
+        (left(1) <= tolerance .and. left(2) <= drift*tolerance))
     end subroutine iterate
   end subroutine solve
 
