@@ -23,6 +23,8 @@ STEP = "dt = 1.0e-3"
 RUNS = {  # element, analysis
     "static, factors": ("hex8_bbar", f"kind = 'static', solver = 'direct', {STEP}"),
     "static, iterations": ("hex8_bbar", f"kind = 'static', solver = 'iterative', {STEP}"),
+    "static, multigrid": ("hex8_bbar", f"kind = 'static', solver = 'multigrid', {STEP}"),
+    "multigrid, plastic": ("hex8_bbar", f"kind = 'static', solver = 'multigrid', {STEP}"),
     "static, plastic": ("hex8_bbar", f"kind = 'static', {STEP}"),
     "relaxation": ("hex8_bbar", f"kind = 'relaxation', tolerance = 1.0e-11, {STEP}"),
     "newmark": ("hex8_incompatible", f"kind = 'newmark', {STEP}"),
