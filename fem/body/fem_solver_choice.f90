@@ -22,6 +22,7 @@ module fem_solver_choice
     [1400.0_wp, 13000.0_wp, 60000.0_wp, 100.0_wp, 2000.0_wp, 90.0_wp]
   !> Levels from which on multigrid costs less than conjugate gradients, by kind.
   integer(i4), parameter :: turn(solid_kinds) = [45, 16, 11, 48, 17, 54]
+  integer(i4), parameter :: slender = 2       !! multigrid needs as much more where it is
   integer(i4), parameter :: small = 10000     !! unknowns below which factors are made always
   real(wp), parameter :: usual_room = 0.4_wp  !! 1 - 2 nu at nu = 0.3
 
@@ -68,6 +69,7 @@ contains
     direct_over_iterative = 0.0_wp
     if (unknowns < small) return
     direct_over_iterative = real(unknowns, wp)**2/(real(levels(1), wp)**3* &
-      real(min(levels(2), turn(kind)), wp))/even(kind)*min(1.0_wp, room/usual_room)**(2.0_wp/3.0_wp)
+      real(min(levels(2), slender*turn(kind)), wp))/even(kind) &
+      *min(1.0_wp, room/usual_room)**(2.0_wp/3.0_wp)
   end function direct_over_iterative
 end module fem_solver_choice

@@ -78,8 +78,8 @@ contains
     call test%check_close('larger cube', direct_over_iterative(hex8, 80000, [40, 40], 0.4_wp)/one, &
                           4.0_wp, 1.0e-12_wp)
     call test%check_close('multigrid beyond the turn', &
-      direct_over_iterative(hex8, 640000, [2*turn(hex8), 2*turn(hex8)], 0.4_wp)/ &
-      direct_over_iterative(hex8, 80000, [turn(hex8), turn(hex8)], 0.4_wp), 8.0_wp, 1.0e-12_wp)
+      direct_over_iterative(hex8, 640000, [4*turn(hex8), 4*turn(hex8)], 0.4_wp)/ &
+      direct_over_iterative(hex8, 80000, [2*turn(hex8), 2*turn(hex8)], 0.4_wp), 8.0_wp, 1.0e-12_wp)
     call test%check_close('incompressible', &
                           direct_over_iterative(hex8, 10000, [20, 20], 0.0004_wp)/one, &
                           0.01_wp, 1.0e-12_wp)
