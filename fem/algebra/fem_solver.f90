@@ -24,7 +24,8 @@ module fem_solver
     integer(i4) :: factorisations = 0
     logical :: iterative = .false.               !! no factors
     logical :: by_multigrid = .false.            !! hypre, not our conjugate gradients
-    real(wp) :: tolerance = 1.0e-10_wp           !! of their residual, relative
+    logical :: by_choice = .false.               !! that of the deck is open: factors may follow
+    real(wp) :: tolerance = 1.0e-10_wp           !! of the residual of iterations, relative
     type(cg_type) :: cg
     type(multigrid_type) :: multigrid
     integer(i4) :: iterations = 0                !! of the last solution
@@ -34,6 +35,7 @@ module fem_solver
     procedure :: number
     procedure :: factor
     procedure :: solve
+    procedure :: turn_to_factors
     procedure :: drop
   end type fem_solver_type
 
@@ -317,6 +319,14 @@ contains
       str(self%iterations)//' iterations at a residual of '//str(self%residual), &
       hint="take solver = 'direct' in &analysis")
   end subroutine iterate
+
+  !> Factors from now on; what is free is to be numbered again.
+  subroutine turn_to_factors(self)
+    class(fem_solver_type), intent(inout) :: self
+    self%iterative = .false.
+    self%by_multigrid = .false.
+    call self%drop()
+  end subroutine turn_to_factors
 
   !> Release factors and levels.
   subroutine drop(self)

@@ -319,6 +319,8 @@ contains
       if (self%pore%constant) call self%system%keep_factors(matrix_step(self, part%dt))
     end if
     if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
+    if (errors%any() .and. self%system%solver%iterative .and. self%system%solver%by_choice) &
+      call solve_by_factors(self, residual, du, errors)
     good = .not. errors%any()
     if (good) good = is_finite(sum(abs(du)))
     if (good) return
@@ -326,6 +328,22 @@ contains
     if (errors%any()) part%reason = errors%item(1)%message
     part%reason = part%reason//most_yielding(self)
   end subroutine solve
+
+  !> The same by factors, from now on: multigrid was chosen and did not converge.
+  subroutine solve_by_factors(self, residual, du, errors)
+    type(fem_body_type), intent(inout) :: self
+    real(wp), intent(in) :: residual(:, :)
+    real(wp), intent(out) :: du(:, :)
+    type(error_list_type), intent(inout) :: errors
+    call errors%clear()
+    du = 0.0_wp
+    call self%system%solver%turn_to_factors()
+    call self%system%forget_numbers()
+    call self%number(errors)
+    if (.not. errors%any()) call self%system%solver%factor(self%system%pattern, self%system%k, &
+      self%system%mass, 0.0_wp, errors, self%system%lower)
+    if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
+  end subroutine solve_by_factors
 
   !> Internal forces for displacements `moved` since the accepted state; `bad` is the first point
   !! without a state.

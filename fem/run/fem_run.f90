@@ -26,7 +26,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp) :: t1
     integer(i8) :: rows  !! of histories
-    logical :: last, save_now
+    logical :: last, save_now, iterated
 
     do
       if (model%analysis%complete(model%body)) exit
@@ -35,10 +35,12 @@ contains
       if (save_now) call model%save_checkpoint('', errors)
       call next_time(model, t1, last)
       call model%timers%start('steps')
+      iterated = model%body%system%solver%iterative
       call model%analysis%step(model%body, t1, errors)
       call model%analysis%report(model%body, model%log)
       if (errors%any() .and. model%auto_solver .and. model%body%system%solver%iterative) &
         call go_direct(model, t1, errors)
+      if (iterated .and. .not. model%body%system%solver%iterative) call tell_factors(model)
       call model%timers%stop('steps')
       if (model%body%matter%active) call model%output%write_iterations(model%body, errors)
       if (.not. errors%any()) call check_energy(model%body, errors)
@@ -119,17 +121,19 @@ contains
     type(fem_model_type), intent(inout) :: model
     real(wp), intent(in) :: t1
     type(error_list_type), intent(inout) :: errors
-    call model%log%warn('the iterations did not converge; factors are made')
     call errors%clear()
     call model%body%reject()
-    model%body%system%solver%iterative = .false.
-    model%body%system%solver%by_multigrid = .false.
-    call model%body%system%solver%drop()
+    call model%body%system%solver%turn_to_factors()
     call model%body%system%forget_numbers()
     call model%body%system%forget_factors()
     call model%analysis%step(model%body, t1, errors)
-    call log_factors(model)
   end subroutine go_direct
+
+  subroutine tell_factors(model)
+    type(fem_model_type), intent(inout) :: model
+    call model%log%warn('the iterations did not converge; factors are made')
+    call log_factors(model)
+  end subroutine tell_factors
 
   !> A dynamic body cannot store more than was supplied; the fastest node is named.
   subroutine check_energy(body, errors)

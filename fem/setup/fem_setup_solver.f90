@@ -52,6 +52,7 @@ contains
       else if (solver%iterative .and. deck%given('analysis', 1, 'tolerance')) then
         call deck%get('analysis', 1, 'tolerance', solver%tolerance)
       end if
+      solver%by_choice = by_itself
       if (.not. by_itself) return
       solver%iterative = may_iterate(body, analysis) .and. .not. served
       if (.not. solver%iterative) return
