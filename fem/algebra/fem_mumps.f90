@@ -243,9 +243,9 @@ contains
     mumps = ' (MUMPS '//str(self%id%infog(1))//', '//str(detail)//')'
     select case (self%id%infog(1))
     case (-7, -8, -9, -13, -19)
-      hint = "factors = 'disk' needs "//str(self%id%infog(26))//" MB, solver = 'iterative' in "// &
+      hint = "factors = 'disk' needs "//str(self%id%infog(26))//" MB, solver = 'multigrid' in "// &
              'statics even less; or use a smaller mesh'
-      if (self%on_disk) hint = "solver = 'iterative' in statics needs less; or take a smaller mesh"
+      if (self%on_disk) hint = "solver = 'multigrid' in statics needs less; or take a smaller mesh"
       call errors%add('S303', 'not enough memory for '//where//mumps//': about '// &
         str(self%id%infog(merge(26, 16, self%on_disk)))//' MB are needed, '// &
         str(int(memory_free()/int(mega, i8), i4))//' MB are free', hint=hint)
