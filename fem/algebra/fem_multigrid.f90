@@ -27,6 +27,7 @@ module fem_multigrid
     real(wp) :: residual = 0.0_wp     !! of the last solution, over that at its start
     logical :: symmetric = .true.
     logical :: indefinite = .false.   !! perhaps: least residuals where gradients fail
+    real(wp), private :: largest = 0.0_wp            !! entry, diagonal of what is prescribed
     integer(i4), private :: first = 0                !! row of this rank, from 0
     integer(i4), allocatable, private :: own(:)      !! blocks of this rank
     integer(i4), allocatable, private :: row(:)      !! (blocks) first row of each, from 0
@@ -45,7 +46,6 @@ module fem_multigrid
     integer(i4) :: rows = 0, entries = 0
     integer(i4), allocatable :: counts(:), row(:), column(:)
     real(wp), allocatable :: value(:)
-    real(wp) :: scale = 1.0_wp        !! diagonal of what is prescribed
     logical :: failed = .false.
   end type batch_type
 
@@ -150,7 +150,7 @@ contains
 
   !> Hand over the rows of the blocks of this rank's elements.
   subroutine give_entries(self, pattern, k, lower, below, good)
-    class(multigrid_type), intent(in) :: self
+    class(multigrid_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :), lower(:, :, :)
     type(below_type), intent(in) :: below
@@ -164,7 +164,7 @@ contains
       here = pattern%halo%mine
       here(pattern%halo%common) = .true.
     end if
-    out%scale = largest_entry(pattern, k)
+    self%largest = largest_entry(pattern, k)
     most = 9*maxval(pattern%start(2:) - pattern%start(:pattern%nodes) &
       + below%first(2:) - below%first(:pattern%nodes))
     allocate (out%counts(batch), out%row(batch))
@@ -175,7 +175,7 @@ contains
         if (self%free(c, i)) then
           call put_row(self, pattern, k, lower, below, [i, c], out)
         else if (pattern%halo%owns(i)) then
-          call put(self%row(i) + c - 1, out%scale, out)
+          call put(self%row(i) + c - 1, self%largest, out)
           call end_row(self%row(i) + c - 1, 1, out)
         end if
       end do
@@ -264,8 +264,9 @@ contains
     end do
   end function functions
 
-  !> x(3, blocks) for a right-hand side; zero where nothing is free. `found` if the residual fell to
-  !! the tolerance. The right-hand side is scaled to a norm of one.
+  !> x(3, blocks) for a right-hand side; zero where nothing is free. `found` if the residual fell
+  !! to the tolerance, and the true one about so, or to its rounding. The right-hand side is scaled
+  !! to a norm of one.
   subroutine solve(self, pattern, right, tolerance, x, found)
     class(multigrid_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
@@ -296,12 +297,15 @@ contains
     subroutine iterate(method)
       integer(i4), intent(in) :: method
       integer(i4) :: n
-      real(wp) :: left(2)
+      real(wp) :: left(2), size_of(1)
       n = hypre_solve(self%system, method, tolerance, most_iterations, b, y, left)
       self%residual = left(2)
+      size_of = sum(y**2)
+      call pattern%halo%add_up(size_of)
       self%iterations = self%iterations + max(0, n)
       found = .not. on_any(pattern, n < 0 .or. .not. &
-        (left(1) <= tolerance .and. left(2) <= drift*tolerance))
+        (left(1) <= tolerance .and. left(2) <= drift* &
+         max(tolerance, epsilon(1.0_wp)*self%largest*sqrt(size_of(1)))))
     end subroutine iterate
   end subroutine solve
 
