@@ -22,6 +22,8 @@ module dem_histories
     'tangential_relaxation [J]', 'boundary [J]', 'external [J]', 'gravity [J]', &
     'staggering [J]', 'closure_error [J]', 'relative_closure [-]', 'contacts [-]', &
     'max_overlap [-]', 'dt [s]', 'elastic_other [J]', 'rolling [J]', 'breakage [J]']
+  character(len=15), parameter :: liquid_columns(5) = [character(len=15) :: 'liquid [J]', &
+    'darcy [J]', 'liquid_drag [J]', 'flow [J]', 'exchange [J]']
   character(len=16), parameter :: driven_columns(12) = [character(len=16) :: 'time [s]', 'id [-]', &
     'x [m]', 'y [m]', 'z [m]', 'force_x [N]', 'force_y [N]', 'force_z [N]', 'moment_x [N m]', &
     'moment_y [N m]', 'moment_z [N m]', 'work [J]']
@@ -35,6 +37,7 @@ module dem_histories
     logical :: plastic = .false.              !! a law or model books plastic work
     logical :: open_system = .false.          !! grains enter and leave
     logical :: crushed = .false.              !! grains break
+    logical :: wet = .false.                  !! there is a liquid among the grains
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
     real(wp), allocatable :: wall_work(:)     !! of intervals that are over [J]
@@ -59,6 +62,7 @@ contains
     self%free = allocated(system%surfaces%rigid%free)
     self%open_system = system%open
     self%crushed = allocated(system%crushed)
+    self%wet = system%pore%active
     self%plastic = any(system%laws%base%plastic)
     do k = 1, system%pairs%additional%models
       if (any(system%laws%additional%acts(k)) .or. system%pairs%additional%of_run(k)) &
@@ -90,7 +94,8 @@ contains
     call self%energy%begin(stem//'_energy.csv', &
       [character(len=26) :: energy_columns, pack(['plastic [J]'], self%plastic), &
        pack(['entered [J]', 'left [J]   '], self%open_system), &
-       pack(['released [J]', 'fines [J]   '], self%crushed)], time, errors)
+       pack(['released [J]', 'fines [J]   '], self%crushed), &
+       pack(liquid_columns, self%wet)], time, errors)
     if (size(self%index) > 0) &
       call self%driven%begin(stem//'_driven.csv', driven_columns, time, errors)
     if (size(self%wall_work) > 0) &
@@ -122,7 +127,9 @@ contains
                               l%rolling, l%breakage, &
                               pack([l%plastic], self%plastic), &
                               pack([l%entered, l%left], self%open_system), &
-                              pack([l%released, l%fines], self%crushed)], errors)
+                              pack([l%released, l%fines], self%crushed), &
+                              pack([l%liquid, l%darcy, l%liquid_drag, l%liquid_flow, &
+                                    l%liquid_exchange], self%wet)], errors)
     end associate
     do k = 1, size(self%index)
       i = self%index(k)

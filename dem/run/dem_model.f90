@@ -45,7 +45,8 @@ contains
                    + merge(7, 0, self%system%grains%n > block_work))
     block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
                 self%surcharge%longest_block(), self%flow%longest_block(), &
-                self%drive%longest_block(), self%breakage%longest_block())
+                self%drive%longest_block(), self%breakage%longest_block(), &
+                self%pore%longest_block(self%system%dem_data_type))
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then
@@ -60,6 +61,12 @@ contains
       if (self%clock%review_due()) then
         call self%clock%review(self%automatic_dt(), self%system%step_limit())
         if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
+      end if
+      if (self%pore%due(self%system%dem_data_type, self%clock%steps)) then
+        call self%timers%start('liquid')
+        call self%pore%exchange(self%system%dem_data_type, self%clock%time(), errors)
+        call self%timers%stop('liquid')
+        if (errors%any()) return
       end if
       call self%take_steps(block, errors)
       if (errors%any()) return

@@ -53,6 +53,8 @@ contains
     call self%breakage%log_groups(self%log)
     if (self%surcharge%active) &
       call self%log%item('surcharge', self%surcharge%text(self%system%dem_data_type))
+    if (self%pore%active) &
+      call self%log%item('liquid', self%pore%text(self%system%dem_data_type))
     if (len(self%restart_path) > 0) call self%log%item('goes on from', self%restart_path, &
       'time '//str(self%start_time)//' s, step '//str(self%start_steps))
     call open_files(self, errors)
@@ -79,6 +81,7 @@ contains
       call self%histories%open(self%stem, self%start_time, errors)
       call self%servo%open(self%stem, self%start_time, errors)
       call self%surcharge%open(self%stem, self%start_time, errors)
+      call self%pore%open(self%stem, self%start_time, errors)
       call self%flow%open(self%stem, self%start_time, errors)
       call self%openings%open(self%stem, self%start_time, errors)
       call self%breakage%open(self%stem, self%start_time, errors)
@@ -106,6 +109,7 @@ contains
     call self%histories%write(t, self%system, errors)
     call self%servo%write(t, self%system%dem_data_type, errors)
     call self%surcharge%write(t, self%system%dem_data_type, errors)
+    call self%pore%write(t, self%system%dem_data_type, errors)
     call self%flow%write(t, self%system%dem_data_type, errors)
     call self%openings%write(t, self%system, errors)
     call self%breakage%write(t, self%system%dem_data_type, errors)
@@ -140,6 +144,7 @@ contains
       call self%histories%flush(errors)
       call self%servo%flush(errors)
       call self%surcharge%history%flush(errors)
+      call self%pore%history%flush(errors)
       call self%flow%history%flush(errors)
       call self%openings%flush(errors)
       call self%breakage%flush(errors)
@@ -179,6 +184,7 @@ contains
     call self%histories%flush(errors)
     call self%servo%flush(errors)
     call self%surcharge%history%flush(errors)
+    call self%pore%history%flush(errors)
     call self%measures%flush(errors)
     call self%openings%flush(errors)
     call self%breakage%flush(errors)
@@ -198,6 +204,7 @@ contains
     call self%histories%close(errors)
     call self%servo%close(errors)
     call self%surcharge%history%close(errors)
+    call self%pore%history%close(errors)
     call self%flow%history%close(errors)
     call self%openings%close(errors)
     call self%breakage%close(errors)

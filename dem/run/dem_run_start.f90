@@ -100,6 +100,8 @@ contains
                             merge(0.0_wp, self%choices%dt, self%choices%allow_unstable), &
                             self%served, self%system, errors)
     call self%grading%read(self%deck, self%system%dem_data_type, errors)
+    call self%pore%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
+                        int(self%ranks%ranks, i4), errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.
@@ -132,6 +134,8 @@ contains
     if (.not. self%served) call self%deck%get('checkpoint', 1, 'every_wall', every_wall)
     call self%checkpoint%schedule(every_wall, 0.0_wp, self%clock%time())
     if (errors%any()) return
+    if (self%pore%active) call self%pore%check(self%deck, self%system%dem_data_type, &
+                                               self%system%step_limit(), errors)
     if (self%servo%active()) call self%servo%start(self%system%dem_data_type, self%clock%time(), &
                                                    wall_stiffness_of(self%system))
     call renew_surcharge(self%surcharge, self%system, self%clock, .true., errors)

@@ -27,6 +27,7 @@ module dem_run_state
   use dem_openings, only: dem_openings_type
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
+  use dem_pore, only: dem_pore_control_type
   use dem_surface_drive, only: surface_drive_type
   implicit none
   private
@@ -46,6 +47,7 @@ module dem_run_state
     type(dem_equilibrium_type) :: equilibrium
     type(dem_servo_type) :: servo
     type(dem_surcharge_type) :: surcharge
+    type(dem_pore_control_type) :: pore
     type(dem_flow_type) :: flow
     type(surface_drive_type) :: drive
     type(dem_openings_type) :: openings

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 37)
+    call table%init('talus-dem', 40)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -20,6 +20,7 @@ contains
     call group_limits(table)
     call group_material(table)
     call group_curve(table)
+    call group_fluid(table)
     call group_contact(table)
     call group_bond(table)
     call group_particles(table)
@@ -34,6 +35,8 @@ contains
     call group_servo(table)
     call group_constant_volume(table)
     call group_surcharge(table)
+    call group_pore_grid(table)
+    call group_drain(table)
     call group_cell(table)
     call group_cell_rate(table)
     call group_cell_stress(table)
@@ -198,6 +201,33 @@ contains
     call table%sized(1_i4, huge(1_i4))
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_curve
+
+  subroutine group_fluid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('fluid', 5, 'A liquid that fills pores.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name of the liquid.')
+    call table%need()
+    call table%add_key('density', 'real', 'kg/m3', 'Density, which gravity acts on.')
+    call table%preset('1000.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
+    call table%add_key('viscosity', 'real', 'Pa s', 'Dynamic viscosity.')
+    call table%preset('0.001')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-09_wp, 1000000000000.0_wp)
+    call table%add_key('bulk_modulus', 'real', 'Pa', &
+      'Bulk modulus; 0: the liquid is incompressible.')
+    call table%preset('2200000000.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('air', 'real', '', &
+      'Share of entrapped air in the pores, in bubbles that move with the liquid: 1/K_f' &
+      //' = (1 - air)/bulk_modulus + air/101325 Pa. One per cent makes water two hundred ' &
+      //'times as compressible.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+  end subroutine group_fluid
 
   subroutine group_contact(table)
     type(key_table_type), intent(inout) :: table
@@ -924,6 +954,106 @@ contains
     call table%bounds(min=1.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_surcharge
+
+  subroutine group_pore_grid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('pore_grid', 13, &
+      'A liquid that fills the pores between the grains of a box: its pressure stands ' &
+      //'at the nodes of a grid of bricks, compression positive and over the hydrostatic ' &
+      //'one. Grains feel its gradient and their buoyancy, and carry the liquid that ' &
+      //'moves with them. Histories in `<deck>_pore.csv`, fields in `<deck>_pore.h5`; ' &
+      //'what the liquid does to the grains is `external` in the ledger. On one rank, not' &
+      //' under talus-couple, not with cells, surfaces, sources, sinks, windows, ' &
+      //'&breakage and &probe (D366).')
+    call table%add_key('fluid', 'string', '', 'Id of a `&fluid`.')
+    call table%need()
+    call table%add_key('lower', 'real', 'm', &
+      'Lower corner of the box. A side with a wall on it goes with the wall; one ' &
+      //'without is as tight as one, if no `&drain` is there.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('upper', 'real', 'm', 'Upper corner of the box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('bricks', 'integer', '', &
+      'Bricks along x, y and z; left out, as many as `size` allows.')
+    call table%sized(3_i4, 3_i4)
+    call table%bounds(min=1.0_wp)
+    call table%excludes('size')
+    call table%add_key('size', 'real', '', &
+      'Least edge of a brick over the diameter of the largest grain, that of a sphere ' &
+      //'of its volume. Bricks below 3 are refused (D365).')
+    call table%preset('4.0')
+    call table%bounds(min=3.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('law', 'string', '', &
+      'How permeable the grains are: as Kozeny and Carman (slow flow), Ergun (fast flow' &
+      //' through dense beds), Beetstra et al. 2007, Koch & Hill 2001 or Di Felice 1994 ' &
+      //'(also loose beds); or a constant. Porosity and diameter of Sauter are those of ' &
+      //'each brick, the speed that of the exchange before.')
+    call table%preset('kozeny_carman')
+    call table%allow('constant|kozeny_carman|ergun|beetstra|koch_hill|di_felice')
+    call table%add_key('permeability', 'real', 'm2', &
+      'Intrinsic permeability k, that of Darcy''s w = -(k/viscosity) grad p.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 100000000000000.0_wp)
+    call table%only_with('law', 'constant')
+    call table%add_key('permeability_factor', 'real', '', &
+      'On the permeability of the law, where it was measured, or to move consolidation ' &
+      //'to another time.')
+    call table%preset('1.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call group_pore_grid_2(table)
+  end subroutine group_pore_grid
+
+  subroutine group_pore_grid_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('exchange', 'integer', '', &
+      'Steps from one exchange of grains and liquid to the next: 1, 2 or 4. Together ' &
+      //'they may last 1.2 times the stable step of the contacts (D369).')
+    call table%preset('4')
+    call table%bounds(min=1.0_wp, max=4.0_wp)
+    call table%add_key('porosity_every', 'integer', '', &
+      'Exchanges from one count of the pores to the next.')
+    call table%preset('50')
+    call table%bounds(min=1.0_wp)
+    call table%add_key('carried', 'logical', '', &
+      'Grains carry the liquid around them in translation, as the pores are at the ' &
+      //'start; without, it has no inertia. Not in &relaxation.')
+    call table%preset('.true.')
+    call table%add_key('fluctuation', 'logical', '', &
+      'Grains that do not move with their brick''s linear field of velocity feel a drag ' &
+      //'against it.')
+    call table%preset('.true.')
+    call table%add_key('surface', 'string', '', &
+      '`''free''`: bricks with hardly a grain at a side whose pressure is drained are ' &
+      //'still water at its pressure. `''closed''`: grains fill the grid.')
+    call table%preset('free')
+    call table%allow('free|closed')
+  end subroutine group_pore_grid_2
+
+  subroutine group_drain(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('drain', 4, &
+      'A side of the `&pore_grid` that lets liquid through; all others are impervious. ' &
+      //'Where sides meet the later one counts.', repeats=.true.)
+    call table%one_of('pressure|flux')
+    call table%add_key('side', 'string', '', 'The lower or upper side along an axis.')
+    call table%need()
+    call table%allow('x0|x1|y0|y1|z0|z1')
+    call table%add_key('pressure', 'real', 'Pa', 'The pressure there over the hydrostatic one.')
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('flux', 'real', 'm/s', &
+      'Volume of liquid by area and time, inward positive.')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales it; without one it is constant.')
+    call table%preset('')
+  end subroutine group_drain
 
   subroutine group_cell(table)
     type(key_table_type), intent(inout) :: table

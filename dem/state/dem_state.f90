@@ -9,11 +9,12 @@ module dem_state
   use dem_additional_state, only: dem_additional_type
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
+  use dem_pore_state, only: dem_pore_type
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
-  public :: dem_cell_type, dem_parts_type
+  public :: dem_cell_type, dem_parts_type, dem_pore_type
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
@@ -211,6 +212,13 @@ module dem_state
     real(wp) :: left = 0.0_wp                   !! taken along by grains that have left
     real(wp) :: released = 0.0_wp               !! stored energy that grains lost as they broke
     real(wp) :: fines = 0.0_wp                  !! kinetic energy of the fines of broken grains
+    real(wp) :: liquid = 0.0_wp                 !! stored in the liquid at the last exchange
+    real(wp) :: liquid_flow = 0.0_wp            !! work of walls and drains on the liquid
+    real(wp) :: liquid_work = 0.0_wp            !! of the liquid on grains, exchanges that are over
+    real(wp) :: liquid_pending = 0.0_wp         !! the same on free grains, of that under way
+    real(wp) :: darcy = 0.0_wp                  !! dissipated by the flow through the grains
+    real(wp) :: liquid_drag = 0.0_wp            !! dissipated by drag within bricks
+    real(wp) :: liquid_exchange = 0.0_wp        !! taken by the exchanges' order
     real(wp) :: start = 0.0_wp                  !! kinetic + elastic - staggering at the start
     real(wp) :: largest = 0.0_wp                !! largest energy turned over so far, for scale
   end type dem_ledger_type
@@ -262,6 +270,7 @@ module dem_state
     type(dem_ledger_type) :: ledger
     type(dem_health_type) :: health
     type(dem_parts_type) :: parts
+    type(dem_pore_type) :: pore
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)  !! (grains) at the last check of adaptive damping [J]

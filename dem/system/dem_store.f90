@@ -17,6 +17,7 @@ module dem_store
   use dem_records, only: plain_contact_reals
   use dem_store_grains, only: put_grain_arrays, get_grains
   use dem_store_pairs, only: put_pairs, put_images, get_skin, get_list
+  use dem_store_pore, only: put_pore, get_pore
   implicit none
   private
   public :: put_state, get_state, put_run, put_grain_arrays, records
@@ -61,6 +62,7 @@ contains
       call archive%put_reals('surcharge.top', reshape(merge(1.0_wp, 0.0_wp, d%surcharge_top), &
                                                       [1, size(d%surcharge_top)]))
     end if
+    if (d%pore%active) call put_pore(d%pore, archive)
     if (d%open) call put_open(d, archive)
     if (allocated(d%crushed)) call put_crushed(d, archive)
     if (allocated(d%graded)) &
@@ -361,6 +363,8 @@ contains
     if (errors%any()) return
     call archive%get_reals('ledger', ledger_reals, 1, row, errors)
     d%ledger = ledger_from(row(:, 1))
+    call get_pore(d, archive, errors)
+    if (errors%any()) return
     if (allocated(d%crushed)) call get_crushed(d, archive, errors)
     if (allocated(d%graded) .and. archive%find('grading.start') > 0) then
       call archive%get_reals('grading.start', graded_size, 1, row, errors)

@@ -20,6 +20,7 @@ contains
     call group_limits(table)
     call group_material(table)
     call group_curve(table)
+    call group_fluid(table)
     call group_mesh(table)
     call group_section(table)
     call group_support(table)
@@ -36,7 +37,6 @@ contains
     call group_point_load(table)
     call group_spring(table)
     call group_analysis(table)
-    call group_fluid(table)
     call group_pore(table)
     call group_pore_pressure(table)
     call group_flux(table)
@@ -623,6 +623,33 @@ contains
     call table%sized(1_i4, huge(1_i4))
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)
   end subroutine group_curve
+
+  subroutine group_fluid(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('fluid', 5, 'A liquid that fills pores.', repeats=.true.)
+    call table%add_key('id', 'string', '', 'Name of the liquid.')
+    call table%need()
+    call table%add_key('density', 'real', 'kg/m3', 'Density, which gravity acts on.')
+    call table%preset('1000.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
+    call table%add_key('viscosity', 'real', 'Pa s', 'Dynamic viscosity.')
+    call table%preset('0.001')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-09_wp, 1000000000000.0_wp)
+    call table%add_key('bulk_modulus', 'real', 'Pa', &
+      'Bulk modulus; 0: the liquid is incompressible.')
+    call table%preset('2200000000.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('air', 'real', '', &
+      'Share of entrapped air in the pores, in bubbles that move with the liquid: 1/K_f' &
+      //' = (1 - air)/bulk_modulus + air/101325 Pa. One per cent makes water two hundred ' &
+      //'times as compressible.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+  end subroutine group_fluid
 
   subroutine group_mesh(table)
     type(key_table_type), intent(inout) :: table
@@ -1216,33 +1243,6 @@ contains
     call table%only_with('kind', 'static')
     call table%only_with('continuation', 'arc_length')
   end subroutine group_analysis_5
-
-  subroutine group_fluid(table)
-    type(key_table_type), intent(inout) :: table
-    call table%add_group('fluid', 5, 'A liquid that fills pores.', repeats=.true.)
-    call table%add_key('id', 'string', '', 'Name of the liquid.')
-    call table%need()
-    call table%add_key('density', 'real', 'kg/m3', 'Density, which gravity acts on.')
-    call table%preset('1000.0')
-    call table%bounds(above=0.0_wp)
-    call table%magnitude(1e-15_wp, 1e+24_wp)
-    call table%add_key('viscosity', 'real', 'Pa s', 'Dynamic viscosity.')
-    call table%preset('0.001')
-    call table%bounds(above=0.0_wp)
-    call table%magnitude(1e-09_wp, 1000000000000.0_wp)
-    call table%add_key('bulk_modulus', 'real', 'Pa', &
-      'Bulk modulus; 0: the liquid is incompressible.')
-    call table%preset('2200000000.0')
-    call table%bounds(min=0.0_wp)
-    call table%magnitude(0.0_wp, 1e+36_wp)
-    call table%add_key('air', 'real', '', &
-      'Share of entrapped air in the pores, in bubbles that move with the liquid: 1/K_f' &
-      //' = (1 - air)/bulk_modulus + air/101325 Pa. One per cent makes water two hundred ' &
-      //'times as compressible.')
-    call table%preset('0.0')
-    call table%bounds(min=0.0_wp, below=1.0_wp)
-    call table%magnitude(0.0_wp, 1.0_wp)
-  end subroutine group_fluid
 
   subroutine group_pore(table)
     type(key_table_type), intent(inout) :: table

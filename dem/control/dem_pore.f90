@@ -1,0 +1,206 @@
+!> Liquid among the grains in a run: the groups &fluid, &pore_grid and &drain, when exchanges are
+!! due, the history (theory-dem, Liquid among the grains). Faults D364 to D369, D371, D372.
+module dem_pore
+  use talus_kinds, only: wp, i4, i8
+  use talus_text, only: str
+  use talus_errors, only: error_list_type
+  use talus_curve, only: curve_type
+  use talus_deck, only: deck_type
+  use talus_history, only: history_type
+  use talus_log, only: short_number
+  use dem_state, only: dem_data_type
+  use dem_pore_deck, only: read_liquid, read_grid, read_drains, check_run, check_start
+  use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
+    sum_drag, sum_exchange, sum_seepage
+  use dem_pore_exchange, only: begin_exchange, end_exchange
+  use dem_pore_grid, only: brick_edges, node_count, on_side, side_share
+  use dem_pore_operator, only: storage
+  use dem_pore_start, only: begin_pore, carry_liquid
+  implicit none
+  private
+  public :: dem_pore_control_type, mass_error
+
+  real(wp), parameter :: longest_exchange = 1.2_wp  !! over the stable step
+  character(len=24), parameter :: columns(30) = [character(len=24) :: 'time [s]', &
+    'least_pressure [Pa]', 'most_pressure [Pa]', 'pressure_x0 [Pa]', 'pressure_x1 [Pa]', &
+    'pressure_y0 [Pa]', 'pressure_y1 [Pa]', 'pressure_z0 [Pa]', 'pressure_z1 [Pa]', &
+    'content [m3]', 'inflow [m3]', 'swept [m3]', 'balance [-]', 'out_x0 [m3]', 'out_x1 [m3]', &
+    'out_y0 [m3]', 'out_y1 [m3]', 'out_z0 [m3]', 'out_z1 [m3]', 'work [J]', 'wall_work [J]', &
+    'drain_work [J]', 'darcy [J]', 'drag [J]', 'exchange [J]', 'stored [J]', 'implicit [m3]', &
+    'porosity_change [-]', 'exchanges [-]', 'turns [-]']
+
+  type :: dem_pore_control_type
+    logical :: active = .false.
+    logical :: carried = .true.
+    type(curve_type), allocatable :: curves(:)
+    integer(i4) :: curve(2, 3) = 0          !! of each side's drain, 0: none
+    real(wp) :: value(2, 3) = 0.0_wp        !! of each drain [Pa] or [m/s]
+    type(history_type) :: history
+  contains
+    procedure :: read => read_pore
+    procedure :: check => check_exchange
+    procedure :: longest_block
+    procedure :: due
+    procedure :: exchange
+    procedure :: text => pore_text
+    procedure :: open => open_history
+    procedure :: write => write_row
+  end type dem_pore_control_type
+
+contains
+
+  !> The groups of the liquid; the grains carry their part of it from now on.
+  subroutine read_pore(self, deck, d, curves, served, ranks, errors)
+    class(dem_pore_control_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(inout) :: d
+    type(curve_type), intent(in) :: curves(:)
+    logical, intent(in) :: served
+    integer(i4), intent(in) :: ranks
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: before
+
+    before = errors%count
+    call check_run(deck, served, ranks, errors)
+    self%active = deck%count('pore_grid') > 0
+    if (.not. self%active .or. errors%count > before) return
+    self%curves = curves
+    call read_liquid(deck, d%pore, errors)
+    call deck%get('pore_grid', 1, 'carried', self%carried)
+    call read_drains(deck, curves, d%pore, self%curve, errors)
+    self%value = d%pore%drain_value
+    call read_grid(deck, d, errors)
+    if (errors%count > before) return
+    call begin_pore(d%grains, d%pore)
+    call check_start(deck, d, errors)
+    if (errors%count > before) return
+    if (self%carried) call carry_liquid(d)
+    d%pore%active = .true.
+  end subroutine read_pore
+
+  !> Exchanges are no longer than the contacts allow (D369).
+  subroutine check_exchange(self, deck, d, limit, errors)
+    class(dem_pore_control_type), intent(in) :: self
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: limit  !! stable step of the contacts [s]
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: allowed
+    if (.not. self%active) return
+    if (d%pore%every*d%par%dt <= (1.0_wp + 1.0e-6_wp)*longest_exchange*limit) return
+    allowed = int(longest_exchange*limit/d%par%dt, i4)
+    if (allowed == 3) allowed = 2
+    call deck%fault(errors, 'D369', 'an exchange of '//str(d%pore%every)//' steps of '// &
+                    short_number(d%par%dt)//' s is longer than 1.2 times the stable step of '// &
+                    'the contacts, '//short_number(limit)//' s', 'pore_grid', 1, 'exchange', &
+                    trim(merge('take exchange = '//str(max(allowed, 1))//', or a smaller step', &
+                               'take a smaller step                ', allowed > 0)))
+  end subroutine check_exchange
+
+  !> Largest number of steps without an exchange.
+  pure integer(i4) function longest_block(self, d)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    longest_block = merge(d%pore%every, huge(longest_block), self%active)
+  end function longest_block
+
+  !> Is an exchange due before the next step?
+  pure logical function due(self, d, steps)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i8), intent(in) :: steps  !! taken so far
+    due = .false.
+    if (self%active) due = modulo(steps, int(d%pore%every, i8)) == 0
+  end function due
+
+  !> End the exchange under way and begin the next.
+  subroutine exchange(self, d, time, errors)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: axis, end
+    real(wp) :: span
+    call end_exchange(d, time)
+    span = d%pore%every*d%par%dt
+    do axis = 1, 3
+      do end = 1, 2
+        if (self%curve(end, axis) == 0) cycle
+        d%pore%drain_value(end, axis) = self%value(end, axis)* &
+          self%curves(self%curve(end, axis))%at(time + span)
+      end do
+    end do
+    call begin_exchange(d, time, span, errors)
+  end subroutine exchange
+
+  !> Grid and pores, for the log.
+  function pore_text(self, d) result(text)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    character(len=:), allocatable :: text
+    text = ''
+    if (.not. self%active) return
+    text = str(d%pore%grid%bricks(1))//' x '//str(d%pore%grid%bricks(2))//' x '// &
+      str(d%pore%grid%bricks(3))//' bricks of '//str(brick_edges(d%pore%grid))// &
+      ' m, porosity '//short_number(minval(d%pore%porosity))//' to '// &
+      short_number(maxval(d%pore%porosity))//', permeability '// &
+      short_number(minval(d%pore%mobility)*d%pore%liquid%viscosity)//' to '// &
+      short_number(maxval(d%pore%mobility)*d%pore%liquid%viscosity)//' m2'
+  end function pore_text
+
+  !> What the volume of the liquid has changed by without having come or gone, over the pores.
+  real(wp) function mass_error(d)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: pores
+    pores = sum(d%pore%porosity)*product(brick_edges(d%pore%grid))
+    mass_error = abs(sum(d%pore%omega) - d%pore%sums(sum_inflow) - d%pore%sums(sum_swept))/pores
+  end function mass_error
+
+  !> Begin <stem>_pore.csv, or go on in it after a restart at time >= 0.
+  subroutine open_history(self, stem, time, errors)
+    class(dem_pore_control_type), intent(inout) :: self
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    if (self%active) call self%history%begin(stem//'_pore.csv', columns, time, errors)
+  end subroutine open_history
+
+  !> Pressures of the exchange under way, sums of those that are over.
+  subroutine write_row(self, time, d, errors)
+    class(dem_pore_control_type), intent(inout) :: self
+    real(wp), intent(in) :: time  !! [s]
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: c(size(d%pore%p)), side(6)
+    integer(i4) :: k
+    if (.not. self%history%is_open()) return
+    associate (pore => d%pore, s => d%pore%sums)
+      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+      side = [(side_mean(d, k), k=1, 6)]
+      call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &
+        s(sum_inflow), s(sum_swept), mass_error(d), s(sum_seepage + 1:sum_seepage + 6), &
+        s(sum_work), s(sum_hull), s(sum_flow), s(sum_darcy), s(sum_drag), s(sum_exchange), &
+        pore%stored, sum(abs(pore%omega - c*pore%p)), &
+        maxval(abs(pore%porosity - pore%first_porosity)), real(pore%exchanges, wp), &
+        real(pore%turns, wp)], errors)
+    end associate
+  end subroutine write_row
+
+  !> Mean pressure over a side [Pa].
+  pure real(wp) function side_mean(d, side) result(mean)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: side
+    integer(i4) :: a, axis
+    real(wp) :: area, share
+    axis = (side + 1)/2
+    mean = 0.0_wp
+    area = 0.0_wp
+    do a = 1, node_count(d%pore%grid)
+      if (.not. on_side(d%pore%grid, a, 2 - modulo(side, 2), axis)) cycle
+      share = side_share(d%pore%grid, a, axis)
+      mean = mean + share*d%pore%p(a)
+      area = area + share
+    end do
+    mean = mean/area
+  end function side_mean
+end module dem_pore

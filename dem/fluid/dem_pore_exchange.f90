@@ -1,0 +1,289 @@
+!> One exchange between grains and liquid: it ends the last one and begins the next.
+!!
+!! At its begin the pressures follow from what is compressed and from what the grains' velocities
+!! will compress, with the grains' giving way to them (implicit); their forces are held over its
+!! steps. At its end the true motion of the grains counts: sums of the compressed volumes change by
+!! what walls sweep and drains let through, whatever the pressures. eqs. D.38 to D.40
+module dem_pore_exchange
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use talus_text, only: str
+  use talus_log, only: short_number
+  use dem_integrate, only: motion_type, motion_of
+  use dem_state, only: dem_data_type, kind_free
+  use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
+    sum_drag, sum_exchange, sum_seepage
+  use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
+  use dem_pore_fit, only: make_fit, fitted
+  use dem_pore_hold, only: hold_nodes, add_sources, find_empty
+  use dem_pore_medium, only: count_pores, set_mobility, see_flow, drag_in
+  use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
+  use dem_pore_solve, only: solve_pressure
+  use dem_pore_start, only: boxes_of
+  implicit none
+  private
+  public :: end_exchange, begin_exchange, follow_walls, book_liquid
+
+contains
+
+  !> What the grains and walls have done since the exchange began, at a time [s].
+  subroutine end_exchange(d, time)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time
+    real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before
+    real(wp) :: span, power, stored
+    integer(i4) :: a
+
+    if (.not. d%pore%open) return
+    associate (pore => d%pore)
+      span = time - pore%since
+      if (.not. pore%fit%ready) call make_fit(pore%grid, pore%start_x, pore%volume, &
+                                              yielding(d), pore%fit)
+      call compress(pore%grid, pore%fit, d%grains%x - pore%start_x, moved)
+      call hull_motion(d, .true., hull)
+      flow = 0.0_wp
+      call add_flow(pore%grid, pore%mobility, pore%p, flow, power)
+      source = 0.0_wp
+      call add_sources(pore, source)
+      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+      before = pore%omega
+      pore%omega = before + moved + hull - span*(flow - source)
+      inflow = 0.0_wp
+      where (pore%hold > 0)
+        inflow = c*pore%hold_p - pore%omega
+        pore%omega = c*pore%hold_p
+      end where
+      stored = 0.5_wp*sum(c*pore%p**2)
+      associate (s => pore%sums)
+        s(sum_swept) = s(sum_swept) + sum(hull)
+        s(sum_inflow) = s(sum_inflow) + sum(inflow) + span*sum(source)
+        s(sum_hull) = s(sum_hull) + sum(pore%p*hull)
+        s(sum_flow) = s(sum_flow) + sum(pore%p*(inflow + span*source))
+        s(sum_work) = s(sum_work) - sum(pore%p*moved)
+        s(sum_darcy) = s(sum_darcy) + span*power
+        s(sum_drag) = s(sum_drag) - sum(pore%drag*(d%grains%x - pore%start_x))
+        s(sum_exchange) = s(sum_exchange) + sum(pore%p*(pore%omega - before)) &
+                          - (stored - pore%stored)
+        do a = 1, size(pore%hold)
+          if (pore%hold(a) == 0) cycle
+          s(sum_seepage + pore%hold(a)) = s(sum_seepage + pore%hold(a)) - span*flow(a)
+        end do
+      end associate
+      pore%stored = stored
+      pore%open = .false.
+      call book_liquid(d)
+    end associate
+  end subroutine end_exchange
+
+  !> The liquid's part of the ledger.
+  subroutine book_liquid(d)
+    type(dem_data_type), intent(inout) :: d
+    associate (s => d%pore%sums, l => d%ledger)
+      l%liquid = d%pore%stored
+      l%darcy = s(sum_darcy)
+      l%liquid_drag = s(sum_drag)
+      l%liquid_exchange = s(sum_exchange)
+      l%liquid_flow = s(sum_hull) + s(sum_flow)
+      l%liquid_work = s(sum_work) - s(sum_drag)
+    end associate
+  end subroutine book_liquid
+
+  !> Sides that have walls go with them.
+  subroutine follow_walls(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4) :: axis
+    associate (pore => d%pore)
+      do axis = 1, 3
+        if (pore%wall(1, axis) > 0) &
+          pore%grid%lower(axis) = d%planes%point(axis, pore%wall(1, axis))
+        if (pore%wall(2, axis) > 0) &
+          pore%grid%upper(axis) = d%planes%point(axis, pore%wall(2, axis))
+      end do
+    end associate
+  end subroutine follow_walls
+
+  !> What moving walls compress: by their velocities, or (done) by their ways since the begin.
+  subroutine hull_motion(d, done, hull)
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: done
+    real(wp), intent(out) :: hull(:)  !! (nodes) [m^3] or [m^3/s]
+    real(wp) :: v
+    integer(i4) :: axis, end, k
+    hull = 0.0_wp
+    do axis = 1, 3
+      do end = 1, 2
+        k = d%pore%wall(end, axis)
+        if (k == 0) cycle
+        v = d%planes%velocity(axis, k)
+        if (done) v = d%planes%point(axis, k) - merge(d%pore%grid%lower(axis), &
+                                                      d%pore%grid%upper(axis), end == 1)
+        call add_hull(d%pore%grid, end, axis, v, hull)
+      end do
+    end do
+  end subroutine hull_motion
+
+  !> One over the mass with which each grain gives way; 0 where its motion is prescribed.
+  function yielding(d) result(inverse_mass)
+    type(dem_data_type), intent(in) :: d
+    real(wp) :: inverse_mass(d%grains%n)
+    type(motion_type) :: motion
+    motion = motion_of(d, d%par%dt)
+    inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
+                         d%grains%kind(:d%grains%n) == kind_free)
+  end function yielding
+
+  !> Pressures and forces of the steps to come, over `span` from `time` [s] (N226 to N229).
+  subroutine begin_exchange(d, time, span, errors)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time, span
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: reach(3, d%grains%n)
+    real(wp), allocatable :: w(:, :)
+
+    associate (pore => d%pore)
+      call follow_walls(d)
+      if (modulo(pore%exchanges, int(pore%refresh, i8)) == 0) then
+        call boxes_of(d%grains, reach)
+        call count_pores(pore, d%grains%x, reach)
+        call check_pores(d, time, errors)
+      end if
+      call set_mobility(pore)
+      pore%start_x = d%grains%x
+      call make_fit(pore%grid, pore%start_x, pore%volume, yielding(d), pore%fit)
+      call hold_nodes(pore)
+      call check_bricks(d, time, errors)
+      if (errors%any()) return
+      pore%since = time
+      pore%span = span
+      call predict(d, errors)
+      if (errors%any()) return
+      call grain_forces(pore%grid, pore%fit, pore%p, pore%held)
+      pore%drag = 0.0_wp
+      if (pore%fluctuation) call set_drag(d)
+      allocate (w(3, brick_count(pore%grid)))
+      call see_flow(pore, w)
+      call load_grains(d)
+      pore%exchanges = pore%exchanges + 1
+      pore%open = .true.
+    end associate
+  end subroutine begin_exchange
+
+  !> C p + T L p + T^2 D M^-1 D' p = omega + T (D v + q). eq. D.38
+  subroutine predict(d, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(size(d%pore%p)) :: rate, hull, c, free, rhs
+    real(wp), allocatable :: matrix(:, :, :)
+
+    associate (pore => d%pore)
+      allocate (matrix(8, 8, brick_count(pore%grid)))
+      call compress(pore%grid, pore%fit, d%grains%v, rate)
+      call hull_motion(d, .false., hull)
+      rate = rate + hull
+      call add_sources(pore, rate)
+      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+      call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, matrix)
+      free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
+      rhs = pore%omega + pore%span*rate
+      where (pore%hold > 0) pore%p = pore%hold_p
+      call solve_pressure(pore%grid, c, matrix, free, rhs, pore%p, pore%turns)
+      if (pore%turns < 0) &
+        call errors%add('N228', 'the pressures of the liquid were not found at '// &
+                        short_number(pore%since)//' s', 'group pore_grid', 'hold a pressure '// &
+                        'somewhere, or take a liquid that is compressible')
+    end associate
+  end subroutine predict
+
+  !> Drag on grains that do not move with their brick's linear field, without resultant; bounded by
+  !! what stops them within the exchange. eq. D.40
+  subroutine set_drag(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: field(4, 3), rate, lightest, base(4)
+    integer(i4) :: c, k, i
+    associate (pore => d%pore, fit => d%pore%fit)
+      do c = 1, brick_count(pore%grid)
+        if (fit%start(c + 1) == fit%start(c)) cycle
+        field = fitted(fit, c, d%grains%v)
+        lightest = huge(1.0_wp)
+        do k = fit%start(c), fit%start(c + 1) - 1
+          i = fit%grain(k)
+          lightest = min(lightest, d%grains%mass(i)/fit%weight(k))
+        end do
+        rate = drag_in(pore, c)/(pore%liquid%factor*max(1.0_wp - pore%porosity(c), 0.01_wp))
+        rate = rate/(1.0_wp + rate*pore%span/lightest)
+        do k = fit%start(c), fit%start(c + 1) - 1
+          i = fit%grain(k)
+          base = [1.0_wp, fit%local(:, k)]
+          pore%drag(:, i) = -rate*fit%weight(k)*(d%grains%v(:, i) - matmul(base, field))
+        end do
+      end do
+    end associate
+  end subroutine set_drag
+
+  !> Forces of the liquid to the free grains, with their buoyancy and without the weight of what
+  !! they carry; the leapfrog's part of the energy follows.
+  subroutine load_grains(d)
+    type(dem_data_type), intent(inout) :: d
+    type(motion_type) :: motion
+    real(wp) :: new(3), change(3), total(3), m, staggering
+    integer(i4) :: i
+
+    motion = motion_of(d, d%ledger_dt)
+    staggering = 0.0_wp
+    associate (g => d%grains, pore => d%pore)
+      do i = 1, g%n
+        if (g%kind(i) /= kind_free) cycle
+        new = pore%held(:, i) + pore%drag(:, i) &
+              - (pore%carried(i) + pore%liquid%density*pore%volume(i))*motion%gravity
+        if (allocated(d%surcharge)) new(3) = new(3) - d%surcharge(i)
+        change = new - g%extra_force(:, i)
+        m = motion%mass_scale*g%mass(i)
+        total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
+                - motion%damping*m*g%v(:, i)
+        staggering = staggering + sum(change*(2.0_wp*total + change))/m
+        g%extra_force(:, i) = new
+      end do
+    end associate
+    d%ledger%start = d%ledger%start - d%ledger_dt**2/8.0_wp*staggering
+  end subroutine load_grains
+
+  !> Porosities within (0, 1), and not far from those at the start (N229).
+  subroutine check_pores(d, time, errors)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    real(wp), parameter :: least = 0.05_wp
+    integer(i4) :: c
+    do c = 1, size(d%pore%porosity)
+      if (d%pore%porosity(c) > least) cycle
+      call errors%add('N229', 'the pores of brick '//str(c)//' have closed to '// &
+                      short_number(d%pore%porosity(c))//' at '//short_number(time)//' s', &
+                      'group pore_grid', 'grains overlap too much, or stand in a brick twice')
+      return
+    end do
+  end subroutine check_pores
+
+  !> All grains are in the grid (N226), all bricks of the bed have some (N227).
+  subroutine check_bricks(d, time, errors)
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: time
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: i, c
+    real(wp) :: centre(3)
+    associate (pore => d%pore)
+      i = findloc(pore%fit%brick, 0_i4, 1)
+      if (i > 0) then
+        call errors%add('N226', 'grain '//str(d%grains%id(i))//' has left the grid of the '// &
+                        'liquid at '//short_number(time)//' s, to '//str(d%grains%x(:, i))// &
+                        ' m', 'group pore_grid', 'a larger grid, or walls that hold the grains')
+        return
+      end if
+      c = find_empty(pore)
+      if (c == 0) return
+      centre = pore%grid%lower + brick_edges(pore%grid)*(place_in(pore%grid, c) + 0.5_wp)
+      call errors%add('N227', 'no grain is left in the brick around '//str(centre)//' m at '// &
+                      short_number(time)//' s', 'group pore_grid', 'larger bricks; above a bed, '// &
+                      "surface = 'free' and a &drain at the side")
+    end associate
+  end subroutine check_bricks
+end module dem_pore_exchange

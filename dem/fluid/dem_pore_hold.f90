@@ -1,0 +1,110 @@
+!> Nodes whose pressure is held: those of drained sides, and those of still water above the bed.
+module dem_pore_hold
+  use talus_kinds, only: wp, i4
+  use dem_pore_state, only: dem_pore_type, drain_pressure, drain_flux
+  use dem_pore_grid, only: brick_count, node_count, corners_of, place_in, on_side, side_share
+  implicit none
+  private
+  public :: hold_nodes, add_sources, side_of, find_empty
+
+  real(wp), parameter :: open_share = 0.15_wp  !! solid fraction below which a brick is open water
+
+contains
+
+  !> Number of a side: x0 x1 y0 y1 z0 z1.
+  pure integer(i4) function side_of(end, axis)
+    integer(i4), intent(in) :: end, axis
+    side_of = end + 2*(axis - 1)
+  end function side_of
+
+  !> Sides first, then bricks that hold hardly a grain and are joined to a drained side by others
+  !! alike: their corners have its pressure.
+  subroutine hold_nodes(pore)
+    type(dem_pore_type), intent(inout) :: pore
+    integer(i4), allocatable :: still(:)
+    integer(i4) :: a, c, end, axis, node(8)
+
+    pore%hold = 0
+    pore%hold_p = 0.0_wp
+    do axis = 1, 3
+      do end = 1, 2
+        if (pore%drain(end, axis) /= drain_pressure) cycle
+        do a = 1, node_count(pore%grid)
+          if (.not. on_side(pore%grid, a, end, axis)) cycle
+          pore%hold(a) = side_of(end, axis)
+          pore%hold_p(a) = pore%drain_value(end, axis)
+        end do
+      end do
+    end do
+    if (.not. pore%free_surface) return
+    call find_still(pore, still)
+    do c = 1, size(still)
+      if (still(c) == 0) cycle
+      node = corners_of(pore%grid, c)
+      pore%hold(node) = still(c)
+      pore%hold_p(node) = pore%drain_value(2 - modulo(still(c), 2), (still(c) + 1)/2)
+    end do
+  end subroutine hold_nodes
+
+  !> Side whose still water each brick is of, 0: none.
+  subroutine find_still(pore, still)
+    type(dem_pore_type), intent(in) :: pore
+    integer(i4), allocatable, intent(out) :: still(:)
+    integer(i4) :: c, axis, end, at(3), next(3)
+    logical :: found
+    allocate (still(brick_count(pore%grid)), source=0)
+    found = .true.
+    do while (found)
+      found = .false.
+      do c = 1, size(still)
+        if (still(c) > 0 .or. 1.0_wp - pore%porosity(c) >= open_share) cycle
+        at = place_in(pore%grid, c)
+        do axis = 1, 3
+          do end = 1, 2
+            next = at
+            next(axis) = next(axis) + 2*end - 3
+            if (next(axis) >= 0 .and. next(axis) < pore%grid%bricks(axis)) then
+              if (still(number_of(next)) > 0) still(c) = still(number_of(next))
+            else if (pore%drain(end, axis) == drain_pressure) then
+              still(c) = side_of(end, axis)
+            end if
+          end do
+        end do
+        found = found .or. still(c) > 0
+      end do
+    end do
+
+  contains
+
+    pure integer(i4) function number_of(place)
+      integer(i4), intent(in) :: place(3)
+      number_of = 1 + place(1) + pore%grid%bricks(1)*(place(2) + pore%grid%bricks(2)*place(3))
+    end function number_of
+  end subroutine find_still
+
+  !> Flow that enters at the nodes of sides with a given flux [m^3/s].
+  subroutine add_sources(pore, rate)
+    type(dem_pore_type), intent(in) :: pore
+    real(wp), intent(inout) :: rate(:)  !! (nodes)
+    integer(i4) :: a, end, axis
+    do axis = 1, 3
+      do end = 1, 2
+        if (pore%drain(end, axis) /= drain_flux) cycle
+        do a = 1, node_count(pore%grid)
+          if (on_side(pore%grid, a, end, axis)) &
+            rate(a) = rate(a) + pore%drain_value(end, axis)*side_share(pore%grid, a, axis)
+        end do
+      end do
+    end do
+  end subroutine add_sources
+
+  !> A brick without grains that has a corner whose pressure is not held; 0: there is none.
+  integer(i4) function find_empty(pore) result(brick)
+    type(dem_pore_type), intent(in) :: pore
+    do brick = 1, brick_count(pore%grid)
+      if (pore%fit%start(brick + 1) > pore%fit%start(brick)) cycle
+      if (any(pore%hold(corners_of(pore%grid, brick)) == 0)) return
+    end do
+    brick = 0
+  end function find_empty
+end module dem_pore_hold

@@ -1,0 +1,87 @@
+!> Pressures of an exchange: conjugate gradients on the free nodes, with the diagonal before it.
+module dem_pore_solve
+  use talus_kinds, only: wp, i4
+  use dem_pore_state, only: pore_grid_type
+  use dem_pore_grid, only: brick_count, corners_of
+  implicit none
+  private
+  public :: solve_pressure, apply
+
+  real(wp), parameter :: close = 1.0e-10_wp  !! residual over the right-hand side
+  integer(i4), parameter :: most = 2000      !! turns
+
+contains
+
+  !> (C + matrices) p = rhs on nodes that are not held; held ones keep the p they come with.
+  subroutine solve_pressure(grid, storage, matrix, free, rhs, p, turns)
+    type(pore_grid_type), intent(in) :: grid
+    real(wp), intent(in) :: storage(:)       !! (nodes) diagonal C [m^3/Pa]
+    real(wp), intent(in) :: matrix(:, :, :)  !! (8, 8, bricks)
+    real(wp), intent(in) :: free(:)          !! (nodes) 1, or 0 where p is held
+    real(wp), intent(in) :: rhs(:)           !! (nodes) [m^3]
+    real(wp), intent(inout) :: p(:)          !! (nodes) first guess in, pressures out [Pa]
+    integer(i4), intent(out) :: turns        !! -1: it does not converge
+    real(wp), dimension(size(rhs)) :: diagonal, r, z, s, q
+    real(wp) :: rho, before, scale, step
+
+    call diagonal_of(grid, storage, matrix, diagonal)
+    call apply(grid, storage, matrix, (1.0_wp - free)*p, q)
+    scale = sum(free*(rhs - q)**2/diagonal)
+    if (.not. scale > 0.0_wp) then
+      p = (1.0_wp - free)*p
+      turns = merge(0, -1, abs(scale) <= 0.0_wp)
+      return
+    end if
+    call apply(grid, storage, matrix, p, q)
+    r = free*(rhs - q)
+    s = 0.0_wp
+    before = 1.0_wp
+    do turns = 0, most
+      z = r/diagonal
+      rho = sum(r*z)
+      if (rho <= close**2*scale) return
+      s = z + merge(rho/before, 0.0_wp, turns > 0)*s
+      call apply(grid, storage, matrix, s, q)
+      q = free*q
+      step = rho/sum(s*q)
+      p = p + step*s
+      r = r - step*q
+      before = rho
+    end do
+    turns = -1
+  end subroutine solve_pressure
+
+  !> (C + matrices) p at all nodes.
+  subroutine apply(grid, storage, matrix, p, product)
+    type(pore_grid_type), intent(in) :: grid
+    real(wp), intent(in) :: storage(:), matrix(:, :, :), p(:)
+    real(wp), intent(out) :: product(:)
+    real(wp) :: at(8), to(8)
+    integer(i4) :: c, b, node(8)
+    product = storage*p
+    do c = 1, brick_count(grid)
+      node = corners_of(grid, c)
+      at = p(node)
+      to = 0.0_wp
+      do b = 1, 8
+        to = to + matrix(:, b, c)*at(b)
+      end do
+      product(node) = product(node) + to
+    end do
+  end subroutine apply
+
+  subroutine diagonal_of(grid, storage, matrix, diagonal)
+    type(pore_grid_type), intent(in) :: grid
+    real(wp), intent(in) :: storage(:), matrix(:, :, :)
+    real(wp), intent(out) :: diagonal(:)
+    integer(i4) :: c, a, node(8)
+    diagonal = storage
+    do c = 1, brick_count(grid)
+      node = corners_of(grid, c)
+      do a = 1, 8
+        diagonal(node(a)) = diagonal(node(a)) + matrix(a, a, c)
+      end do
+    end do
+    where (.not. diagonal > 0.0_wp) diagonal = tiny(1.0_wp)**0.5_wp
+  end subroutine diagonal_of
+end module dem_pore_solve

@@ -1,0 +1,86 @@
+!> Liquid among the grains: the grid of bricks, the liquid, and what one exchange leaves to the next
+!! (theory-dem, Liquid among the grains).
+module dem_pore_state
+  use talus_kinds, only: wp, i4, i8
+  implicit none
+  private
+  public :: pore_grid_type, pore_liquid_type, pore_fit_type, dem_pore_type
+  public :: drain_none, drain_pressure, drain_flux
+  public :: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, sum_drag, &
+    sum_exchange, sum_seepage, pore_sums
+
+  integer(i4), parameter :: drain_none = 0, drain_pressure = 1, drain_flux = 2
+  !> Rows of sums: volumes [m^3] that moving walls have swept and that came in through drains; work
+  !! of walls and drains on the liquid, of the liquid on the grains; losses to Darcy's flow and to
+  !! drag within bricks, and what the exchange itself takes [J]; volume out by Darcy's flow, a side.
+  integer(i4), parameter :: sum_swept = 1, sum_inflow = 2, sum_hull = 3, sum_flow = 4, &
+    sum_work = 5, sum_darcy = 6, sum_drag = 7, sum_exchange = 8, sum_seepage = 8, pore_sums = 14
+
+  !> A box of equal bricks; nodes and bricks are counted along x first, then y, then z. Sides are
+  !! x0, x1, y0, y1, z0, z1: (end, axis).
+  type :: pore_grid_type
+    integer(i4) :: bricks(3) = 0     !! along x, y, z
+    real(wp) :: lower(3) = 0.0_wp    !! [m]
+    real(wp) :: upper(3) = 0.0_wp    !! [m]
+  end type pore_grid_type
+
+  !> What the deck says of the liquid and its flow.
+  type :: pore_liquid_type
+    real(wp) :: density = 0.0_wp       !! [kg/m^3]
+    real(wp) :: viscosity = 0.0_wp     !! [Pa s]
+    real(wp) :: compliance = 0.0_wp    !! 1/K_f with its air [1/Pa]
+    integer(i4) :: law = 0             !! of the permeability, see dem_pore_medium
+    real(wp) :: permeability = 0.0_wp  !! of the constant law [m^2]
+    real(wp) :: factor = 1.0_wp        !! on the permeability of any law [-]
+  end type pore_liquid_type
+
+  !> Grains by brick and the fit of a linear velocity to them; lengths within a brick are in its
+  !! edges, from its centre.
+  type :: pore_fit_type
+    logical :: ready = .false.
+    integer(i4), allocatable :: brick(:)        !! (grains) 0: outside the grid
+    integer(i4), allocatable :: start(:)        !! (bricks+1) first of its grains
+    integer(i4), allocatable :: grain(:)        !! by brick, in rising order
+    real(wp), allocatable :: local(:, :)        !! (3, grains) place in the brick, as `grain` [-]
+    real(wp), allocatable :: weight(:)          !! volume, as `grain` [m^3]
+    real(wp), allocatable :: inverse(:, :, :)   !! (4, 4, bricks) A^-1 [1/m^3]
+    real(wp), allocatable :: yield(:, :, :)     !! (4, 4, bricks) A^-1 B A^-1 [1/kg]
+  end type pore_fit_type
+
+  !> The whole.
+  type :: dem_pore_type
+    logical :: active = .false.
+    type(pore_grid_type) :: grid
+    type(pore_liquid_type) :: liquid
+    integer(i4) :: every = 4                     !! steps an exchange
+    integer(i4) :: refresh = 50                  !! exchanges between two counts of the pores
+    logical :: fluctuation = .true.              !! drag of grains against their brick's mean
+    logical :: free_surface = .true.             !! open bricks at a drain are still water
+    integer(i4) :: wall(2, 3) = 0                !! plane on each side, 0: none
+    integer(i4) :: drain(2, 3) = drain_none      !! what holds each side
+    real(wp) :: drain_value(2, 3) = 0.0_wp       !! excess pressure [Pa], or flow inward [m/s]
+    real(wp), allocatable :: volume(:)           !! (grains) [m^3]
+    real(wp), allocatable :: area(:)             !! (grains) surface [m^2]
+    real(wp), allocatable :: carried(:)          !! (grains) liquid that moves with each [kg]
+    logical :: open = .false.                    !! an exchange is under way
+    real(wp) :: since = 0.0_wp                   !! when it began [s]
+    real(wp) :: span = 0.0_wp                    !! how long it was meant to be [s]
+    integer(i8) :: exchanges = 0                 !! begun so far
+    real(wp), allocatable :: p(:)                !! (nodes) pressure over the hydrostatic [Pa]
+    real(wp), allocatable :: omega(:)            !! (nodes) volume that is compressed [m^3]
+    real(wp), allocatable :: start_x(:, :)       !! (3, grains) when it began [m]
+    real(wp), allocatable :: held(:, :)          !! (3, grains) force -D'p [N]
+    real(wp), allocatable :: drag(:, :)          !! (3, grains) force within bricks [N]
+    real(wp), allocatable :: porosity(:)         !! (bricks) [-]
+    real(wp), allocatable :: first_porosity(:)   !! (bricks) at the start [-]
+    real(wp), allocatable :: sauter(:)           !! (bricks) diameter of Sauter [m]
+    real(wp), allocatable :: speed(:)            !! (bricks) |w|, as the law sees it [m/s]
+    real(wp), allocatable :: mobility(:)         !! (bricks) k/viscosity [m^2/(Pa s)]
+    integer(i4), allocatable :: hold(:)          !! (nodes) 0: free, else the side
+    real(wp), allocatable :: hold_p(:)           !! (nodes) pressure where it is held [Pa]
+    real(wp) :: stored = 0.0_wp                  !! p C p/2 at the end of the last exchange [J]
+    real(wp) :: sums(pore_sums) = 0.0_wp         !! sum_... since the start
+    integer(i4) :: turns = 0                     !! of the solver, in the last exchange
+    type(pore_fit_type) :: fit                   !! where the exchange began; made from start_x
+  end type dem_pore_type
+end module dem_pore_state

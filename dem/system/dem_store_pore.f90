@@ -1,0 +1,86 @@
+!> The liquid among the grains as named arrays, and back.
+module dem_store_pore
+  use talus_kinds, only: wp, i4, i8
+  use talus_errors, only: error_list_type
+  use dem_archive, only: dem_archive_type
+  use dem_pore_exchange, only: book_liquid
+  use dem_pore_state, only: dem_pore_type, pore_sums
+  use dem_state, only: dem_data_type
+  implicit none
+  private
+  public :: put_pore, get_pore
+
+  integer(i4), parameter :: run_reals = 15 + pore_sums
+
+contains
+
+  !> What an exchange leaves to the next; the fit is made anew from where it began.
+  subroutine put_pore(pore, archive)
+    type(dem_pore_type), intent(in) :: pore
+    class(dem_archive_type), intent(inout) :: archive
+    integer(i4) :: nodes, bricks
+    nodes = size(pore%p)
+    bricks = size(pore%porosity)
+    call archive%put_reals('pore.nodes', reshape([pore%p, pore%omega, pore%hold_p], [nodes, 3]))
+    call archive%put_integers('pore.hold', int(reshape(pore%hold, [1, nodes]), i8))
+    call archive%put_reals('pore.bricks', reshape([pore%porosity, pore%first_porosity, &
+                           pore%sauter, pore%speed, pore%mobility], [bricks, 5]))
+    call archive%put_reals('pore.start', pore%start_x)
+    call archive%put_reals('pore.held', pore%held)
+    call archive%put_reals('pore.drag', pore%drag)
+    call archive%put_reals('pore.run', reshape([pore%since, pore%span, pore%stored, &
+      pore%grid%lower, pore%grid%upper, reshape(pore%drain_value, [6]), pore%sums], &
+      [run_reals, 1]))
+    call archive%put_integers('pore.counts', reshape([merge(1_i8, 0_i8, pore%open), &
+                              pore%exchanges, int(pore%turns, i8)], [3, 1]))
+  end subroutine put_pore
+
+  !> The same back. A run with a liquid goes on from one with a liquid, one without from one
+  !! without.
+  subroutine get_pore(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: nodes(:, :), bricks(:, :), run(:, :)
+    integer(i8), allocatable :: hold(:, :), counts(:, :)
+
+    if (.not. d%pore%active) then
+      if (archive%find('pore.run') > 0) &
+        call archive%refuse('pore.run', 'is of a run with a liquid, this deck has none', errors)
+      return
+    end if
+    associate (pore => d%pore)
+      call archive%get_reals('pore.nodes', size(pore%p, kind=i4), 3, nodes, errors)
+      call archive%get_integers('pore.hold', 1, size(pore%p, kind=i4), hold, errors, [0_i8, 6_i8])
+      call archive%get_reals('pore.bricks', size(pore%porosity, kind=i4), 5, bricks, errors)
+      call archive%get_reals('pore.run', run_reals, 1, run, errors)
+      call archive%get_integers('pore.counts', 3, 1, counts, errors, [-1_i8, huge(1_i8)])
+      if (errors%any()) return
+      call archive%get_reals('pore.start', 3, d%grains%n, pore%start_x, errors)
+      call archive%get_reals('pore.held', 3, d%grains%n, pore%held, errors)
+      call archive%get_reals('pore.drag', 3, d%grains%n, pore%drag, errors)
+      if (errors%any()) return
+      pore%p = nodes(:, 1)
+      pore%omega = nodes(:, 2)
+      pore%hold_p = nodes(:, 3)
+      pore%hold = int(hold(1, :), i4)
+      pore%porosity = bricks(:, 1)
+      pore%first_porosity = bricks(:, 2)
+      pore%sauter = bricks(:, 3)
+      pore%speed = bricks(:, 4)
+      pore%mobility = bricks(:, 5)
+      pore%since = run(1, 1)
+      pore%span = run(2, 1)
+      pore%stored = run(3, 1)
+      pore%grid%lower = run(4:6, 1)
+      pore%grid%upper = run(7:9, 1)
+      pore%drain_value = reshape(run(10:15, 1), [2, 3])
+      pore%sums = run(16:, 1)
+      pore%open = counts(1, 1) == 1
+      pore%exchanges = counts(2, 1)
+      pore%turns = int(counts(3, 1), i4)
+      pore%fit%ready = .false.
+    end associate
+    call book_liquid(d)
+  end subroutine get_pore
+end module dem_store_pore
