@@ -138,7 +138,6 @@ contains
     real(wp), intent(in) :: time, span
     type(error_list_type), intent(inout) :: errors
     real(wp) :: reach(3, d%grains%n)
-    real(wp), allocatable :: w(:, :)
 
     associate (pore => d%pore)
       call follow_walls(d)
@@ -160,8 +159,7 @@ contains
       call grain_forces(pore%grid, pore%fit, pore%p, pore%held)
       pore%drag = 0.0_wp
       if (pore%fluctuation) call set_drag(d)
-      allocate (w(3, brick_count(pore%grid)))
-      call see_flow(pore, w)
+      call see_flow(pore)
       call load_grains(d)
       pore%exchanges = pore%exchanges + 1
       pore%open = .true.
@@ -282,8 +280,8 @@ contains
       if (c == 0) return
       centre = pore%grid%lower + brick_edges(pore%grid)*(place_in(pore%grid, c) + 0.5_wp)
       call errors%add('N227', 'no grain is left in the brick around '//str(centre)//' m at '// &
-                      short_number(time)//' s', 'group pore_grid', 'larger bricks; above a bed, '// &
-                      "surface = 'free' and a &drain at the side")
+                      short_number(time)//' s', 'group pore_grid', 'larger bricks; above a '// &
+                      "bed, surface = 'free' and a &drain at the side")
     end associate
   end subroutine check_bricks
 end module dem_pore_exchange

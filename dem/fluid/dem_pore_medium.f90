@@ -9,7 +9,7 @@ module dem_pore_medium
   use dem_pore_laws, only: drag_of, law_constant
   implicit none
   private
-  public :: count_pores, set_mobility, see_flow, ellipsoid_area, drag_in
+  public :: count_pores, set_mobility, see_flow, darcy_velocity, ellipsoid_area, drag_in
 
   real(wp), parameter :: clear = 0.01_wp  !! solid fraction that a brick has at least, for the law
 
@@ -96,23 +96,26 @@ contains
                    pore%liquid%density*pore%speed(c)*d/pore%liquid%viscosity)
   end function drag_in
 
-  !> Darcy's velocity at the centres of the bricks, of which the law sees the mean of now and
-  !! before.
-  subroutine see_flow(pore, w)
+  !> The law sees the mean of the speed of the flow now and that it saw before.
+  subroutine see_flow(pore)
     type(dem_pore_type), intent(inout) :: pore
-    real(wp), intent(out) :: w(:, :)  !! (3, bricks) [m/s]
-    real(wp) :: h(3), p(8)
     integer(i4) :: c
-    h = brick_edges(pore%grid)
     do c = 1, brick_count(pore%grid)
-      p = pore%p(corners_of(pore%grid, c))
-      w(1, c) = sum(p(2:8:2) - p(1:7:2))
-      w(2, c) = sum(p([3, 4, 7, 8]) - p([1, 2, 5, 6]))
-      w(3, c) = sum(p(5:8) - p(1:4))
-      w(:, c) = -pore%mobility(c)*w(:, c)/(4.0_wp*h)
-      pore%speed(c) = 0.5_wp*(pore%speed(c) + norm2(w(:, c)))
+      pore%speed(c) = 0.5_wp*(pore%speed(c) + norm2(darcy_velocity(pore, c)))
     end do
   end subroutine see_flow
+
+  !> Darcy's velocity at the centre of a brick [m/s].
+  pure function darcy_velocity(pore, c) result(w)
+    type(dem_pore_type), intent(in) :: pore
+    integer(i4), intent(in) :: c
+    real(wp) :: w(3), p(8)
+    p = pore%p(corners_of(pore%grid, c))
+    w(1) = sum(p(2:8:2) - p(1:7:2))
+    w(2) = sum(p([3, 4, 7, 8]) - p([1, 2, 5, 6]))
+    w(3) = sum(p(5:8) - p(1:4))
+    w = -pore%mobility(c)*w/(4.0_wp*brick_edges(pore%grid))
+  end function darcy_velocity
 
   !> Surface of an ellipsoid, to 1.1 % (Thomsen); of a sphere exactly [m^2].
   pure real(wp) function ellipsoid_area(axes) result(area)

@@ -11,7 +11,7 @@ module dem_grids
   use talus_xdmf, only: xdmf_type, xdmf_cell
   implicit none
   private
-  public :: dem_grid_type, read_grid
+  public :: dem_grid_type, read_grid, put_mesh
 
   character(len=*), parameter :: format_name = 'talus-grid'
   real(wp), parameter :: most_cells = 1.0e8_wp

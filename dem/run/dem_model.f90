@@ -186,6 +186,7 @@ contains
     call self%deck%get('output', 1, 'packing', packing)
     if (.not. errors%any()) then
       call self%fields%write(self%clock%time(), self%system, errors)
+      call self%pore_fields%write(self%clock%time(), self%system%dem_data_type, errors)
       call self%measures%write(self%clock%time(), self%system, .true., errors)
       if (.not. self%served .and. (self%stopped .or. self%deck%count('checkpoint') > 0)) &
         call self%save_checkpoint('', errors)

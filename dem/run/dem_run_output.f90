@@ -66,6 +66,7 @@ contains
     if (self%start_time >= 0.0_wp .or. errors%any()) return
     call write_histories(self, 0.0_wp, errors)
     call self%fields%write(0.0_wp, self%system, errors)
+    call self%pore_fields%write(0.0_wp, self%system%dem_data_type, errors)
     call self%measures%write(0.0_wp, self%system, .true., errors)
   end subroutine open_run
 
@@ -97,6 +98,7 @@ contains
       kept = self%start_time
       if (.not. self%clock%on_time(event_output)) kept = kept*(1.0_wp - epsilon(kept))
       call self%fields%open(self%stem, kept, note, errors)
+      call self%pore_fields%open(self%system%dem_data_type, self%stem, kept, errors)
       if (len(note) > 0) call append_string(self%warnings, note)
     end if
   end subroutine open_files
@@ -134,6 +136,7 @@ contains
     end if
     if (self%clock%due(event_output)) then
       call self%fields%write(t, self%system, errors)
+      call self%pore_fields%write(t, self%system%dem_data_type, errors)
       call self%clock%passed(event_output)
     end if
     if (self%clock%due(event_measure)) then

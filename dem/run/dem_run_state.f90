@@ -28,6 +28,7 @@ module dem_run_state
   use dem_servo, only: dem_servo_type
   use dem_surcharge, only: dem_surcharge_type
   use dem_pore, only: dem_pore_control_type
+  use dem_pore_fields, only: dem_pore_fields_type
   use dem_surface_drive, only: surface_drive_type
   implicit none
   private
@@ -48,6 +49,7 @@ module dem_run_state
     type(dem_servo_type) :: servo
     type(dem_surcharge_type) :: surcharge
     type(dem_pore_control_type) :: pore
+    type(dem_pore_fields_type) :: pore_fields
     type(dem_flow_type) :: flow
     type(surface_drive_type) :: drive
     type(dem_openings_type) :: openings
