@@ -39,7 +39,7 @@ module dem_pore
   contains
     procedure :: read => read_pore
     procedure :: check => check_exchange
-    procedure :: longest_block
+    procedure :: fitting_block
     procedure :: due
     procedure :: exchange
     procedure :: text => pore_text
@@ -97,12 +97,18 @@ contains
                                'take a smaller step                ', allowed > 0)))
   end subroutine check_exchange
 
-  !> Largest number of steps without an exchange.
-  pure integer(i4) function longest_block(self, d)
+  !> Steps in a block of which a whole number is an exchange, and the block that others want.
+  pure integer(i4) function fitting_block(self, d, block) result(steps)
     class(dem_pore_control_type), intent(in) :: self
     type(dem_data_type), intent(in) :: d
-    longest_block = merge(d%pore%every, huge(longest_block), self%active)
-  end function longest_block
+    integer(i4), intent(in) :: block
+    steps = block
+    if (.not. self%active) return
+    steps = d%pore%every
+    do while (modulo(block, steps) /= 0 .or. modulo(d%pore%every, steps) /= 0)
+      steps = steps - 1
+    end do
+  end function fitting_block
 
   !> Is an exchange due before the next step?
   pure logical function due(self, d, steps)

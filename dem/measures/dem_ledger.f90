@@ -40,8 +40,6 @@ contains
       ledger%kinetic = ledger%kinetic + part(1)
       ledger%staggering = ledger%staggering + part(2)
     end if
-    ledger%liquid_pending = 0.0_wp
-    if (d%pore%open) ledger%liquid_pending = liquid_work(d)
     ledger%elastic_normal = 0.0_wp
     ledger%elastic_tangential = 0.0_wp
     ledger%elastic_other = 0.0_wp
@@ -92,19 +90,7 @@ contains
     end associate
   end function grain_energy
 
-  !> Work of the liquid on the free grains since the exchange began [J].
-  pure real(wp) function liquid_work(d) result(work)
-    type(dem_data_type), intent(in) :: d
-    integer(i4) :: i
-    work = 0.0_wp
-    do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) cycle
-      work = work + dot_product(d%pore%held(:, i) + d%pore%drag(:, i), &
-                                d%grains%x(:, i) - d%pore%start_x(:, i))
-    end do
-  end function liquid_work
-
-  !> Kinetic energy of all free bodies, and the leapfrog's part of it [J].
+  !> The same of all free bodies [J].
   pure function bodies_energy(d, motion) result(part)
     type(dem_data_type), intent(in) :: d
     type(motion_type), intent(in) :: motion
@@ -185,11 +171,12 @@ contains
             + liquid_closure(ledger)
   end function closure_of
 
-  !> The same of the liquid, whose work on the grains is `external` to them [J].
+  !> The same of the liquid over the exchanges that have ended; its work on the grains is `external`
+  !! to these [J].
   pure real(wp) function liquid_closure(ledger) result(error)
     type(dem_ledger_type), intent(in) :: ledger
-    error = ledger%liquid_flow - ledger%liquid_work - ledger%liquid_pending - ledger%liquid &
-            - ledger%darcy - ledger%liquid_drag - ledger%liquid_exchange
+    error = ledger%liquid_flow - ledger%liquid_work - ledger%liquid - ledger%darcy &
+            - ledger%liquid_drag - ledger%liquid_exchange
   end function liquid_closure
 
   !> Energy turned over so far, the scale of the closure error [J].

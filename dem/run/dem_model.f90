@@ -45,8 +45,8 @@ contains
                    + merge(7, 0, self%system%grains%n > block_work))
     block = min(block, self%equilibrium%longest_block(), self%servo%longest_block(), &
                 self%surcharge%longest_block(), self%flow%longest_block(), &
-                self%drive%longest_block(), self%breakage%longest_block(), &
-                self%pore%longest_block(self%system%dem_data_type))
+                self%drive%longest_block(), self%breakage%longest_block())
+    block = self%pore%fitting_block(self%system%dem_data_type, block)
     do
       if (errors%any() .or. self%clock%finished() .or. self%equilibrium%reached) return
       if (self%stop%check() /= stop_none) then

@@ -214,8 +214,7 @@ module dem_state
     real(wp) :: fines = 0.0_wp                  !! kinetic energy of the fines of broken grains
     real(wp) :: liquid = 0.0_wp                 !! stored in the liquid at the last exchange
     real(wp) :: liquid_flow = 0.0_wp            !! work of walls and drains on the liquid
-    real(wp) :: liquid_work = 0.0_wp            !! of the liquid on grains, exchanges that are over
-    real(wp) :: liquid_pending = 0.0_wp         !! the same on free grains, of that under way
+    real(wp) :: liquid_work = 0.0_wp            !! of the liquid on grains
     real(wp) :: darcy = 0.0_wp                  !! dissipated by the flow through the grains
     real(wp) :: liquid_drag = 0.0_wp            !! dissipated by drag within bricks
     real(wp) :: liquid_exchange = 0.0_wp        !! taken by the exchanges' order

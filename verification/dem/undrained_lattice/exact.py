@@ -1,0 +1,54 @@
+"""Undrained compression of a saturated cubic lattice: Skempton's B and the bulk modulus."""
+
+import numpy as np
+
+from talus.packing import make_packing, write_h5
+from talus.verification import Case, read_history
+
+D, SIDE, FLUID, STRAIN = 1.0e-3, 4, 2.2e9, 1.0e-5
+POROSITY = 1.0 - np.pi / 6.0
+BULK = (1.0e7, 1.0e8, 5.0e8)  # of the skeleton, those of P18
+
+
+def run(case: Case) -> None:
+    """Compress three lattices by the same strain along all axes."""
+    places = np.meshgrid(*[np.arange(SIDE)] * 3, indexing="ij")
+    x = D * (np.stack(places, -1).reshape(-1, 3) + 0.5)
+    write_h5(case.folder / "lattice.h5", make_packing(x, np.full((len(x), 3), 0.5 * D)))
+    deck = (case.folder / "box.nml").read_text()
+    found, wanted = [], []
+    for bulk in BULK:
+        stiffness = 3.0 * bulk * D
+        text = deck.replace("STIFFNESS", repr(stiffness)).replace("TWICE", repr(2.0 * stiffness))
+        (case.folder / "now.nml").write_text(text)
+        case.run("talus-dem", "now.nml", "--threads=1")
+        rows = read_history(case.folder / "now_pore.csv")
+        walls = read_history(case.folder / "now_walls.csv")
+        last = walls["time"] == walls["time"].max()
+        force = np.column_stack([walls[f"force_{axis}"][last] for axis in "xyz"])
+        contact = float(np.abs(force).sum() / 6.0 / (SIDE * D) ** 2)
+        pressure = float(rows["pressure_z0"][-1])
+        name = f"K = {1e-6 * bulk:.0f} MPa"
+        skempton = 1.0 / (1.0 + POROSITY * bulk / FLUID)
+        found.append(pressure / (pressure + contact))
+        wanted.append(skempton)
+        case.below(f"{name}: B, error", abs(found[-1] / skempton - 1.0), 0.005, "P18")
+        stiff = (pressure + contact) / (3.0 * STRAIN)
+        whole = bulk + FLUID / POROSITY
+        case.below(f"{name}: undrained modulus, error", abs(stiff / whole - 1.0), 0.005, "P18")
+        spread = float(np.ptp([rows[f"pressure_{side}"][-1] for side in ("x0", "x1", "z0", "z1")]))
+        case.below(f"{name}: spread of the pressure", spread / pressure, 1e-6)
+        lost = float(rows["balance"].max())
+        case.below(f"{name}: liquid that came from nowhere / pores", lost, 1e-12, "P16")
+        energy = read_history(case.folder / "now_energy.csv")
+        closure = float(energy["relative_closure"][-1])
+        case.below(f"{name}: closure of the ledger", closure, 1e-4)
+        stored = energy["elastic"][-1] + energy["liquid"][-1]
+        exact = 0.5 * whole * (3.0 * STRAIN) ** 2 * (SIDE * D) ** 3
+        case.below(f"{name}: energy stored, error", float(abs(stored / exact - 1.0)), 0.01)
+    fig, axes = case.figure(figsize=(4.6, 3.4))
+    axes.semilogx(BULK, wanted, label="1/(1 + n K/K_f)")
+    axes.semilogx(BULK, found, "o", label="lattice")
+    axes.set(xlabel="bulk modulus of the skeleton [Pa]", ylabel="B [-]")
+    axes.legend(fontsize=8)
+    case.save(fig)
