@@ -77,7 +77,8 @@ def quick(case: Case) -> None:
     settled = energy_time > 0.039
     gone = energy_time[settled & (contacts < 0.5 * contacts[settled][0])]
     onset = float(np.interp(gone[0], [0.135, 0.14], [0.95, 1.05])) if len(gone) else np.inf
-    case.below("gradient at which half of the contacts are gone / i_c, error", abs(onset - 1.0), 0.05)
+    off = abs(onset - 1.0)
+    case.below("gradient at which half of the contacts are gone / i_c, error", off, 0.05, "P13")
     lost = read_history(case.folder / "now_pore.csv")["balance"].max()
     case.below("liquid that came from nowhere / pores", float(lost), 1e-12)
     fig, axes = case.figure(figsize=(5.2, 3.6))
