@@ -215,16 +215,17 @@ contains
     integer(i4) :: i, c
     associate (pore => d%pore)
       do i = 1, d%grains%n
-        if (brick_of(pore%grid, d%grains%x(:, i)) > 0) cycle
+        if (brick_of(pore%grid, 1.0_wp/brick_edges(pore%grid), d%grains%x(:, i)) > 0) cycle
         call deck%fault(errors, 'D372', 'grain '//str(d%grains%id(i))//' at '// &
                         str(d%grains%x(:, i))//' m is outside the grid', 'pore_grid', 1, '', &
                         'a box that holds all grains')
         return
       end do
-      call make_fit(pore%grid, d%grains%x, pore%volume, 0.0_wp*pore%volume, pore%fit)
+      call make_fit(pore%grid, d%grains%x, pore%volume, pore%fit)
       call hold_nodes(pore)
       c = find_empty(pore)
       pore%fit%ready = .false.
+      deallocate (pore%fit%inverse_mass)
       if (c == 0) return
       centre = pore%grid%lower + brick_edges(pore%grid)*(place_in(pore%grid, c) + 0.5_wp)
       call deck%fault(errors, 'D371', 'there is no grain in the brick around '//str(centre)// &

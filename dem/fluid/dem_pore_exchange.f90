@@ -14,7 +14,7 @@ module dem_pore_exchange
   use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
     sum_drag, sum_exchange, sum_seepage
   use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
-  use dem_pore_fit, only: make_fit, fitted
+  use dem_pore_fit, only: make_fit, fit_fields
   use dem_pore_hold, only: hold_nodes, add_sources, find_empty
   use dem_pore_medium, only: count_pores, set_mobility, see_flow, drag_in
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
@@ -31,15 +31,15 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time
     real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before
-    real(wp) :: span, power, stored
+    real(wp) :: span, power, stored, field(4, 3, brick_count(d%pore%grid))
     integer(i4) :: a
 
     if (.not. d%pore%open) return
     associate (pore => d%pore)
       span = time - pore%since
-      if (.not. pore%fit%ready) call make_fit(pore%grid, pore%start_x, pore%volume, &
-                                              yielding(d), pore%fit)
-      call compress(pore%grid, pore%fit, d%grains%x - pore%start_x, moved)
+      if (.not. pore%fit%ready) call fit_here(d)
+      call fit_fields(pore%fit, d%grains%x, field, pore%start_x)
+      call compress(pore%grid, field, moved)
       call hull_motion(d, .true., hull)
       flow = 0.0_wp
       call add_flow(pore%grid, pore%mobility, pore%p, flow, power)
@@ -61,7 +61,7 @@ contains
         s(sum_flow) = s(sum_flow) + sum(pore%p*(inflow + span*source))
         s(sum_work) = s(sum_work) - sum(pore%p*moved)
         s(sum_darcy) = s(sum_darcy) + span*power
-        s(sum_drag) = s(sum_drag) - sum(pore%drag*(d%grains%x - pore%start_x))
+        s(sum_drag) = s(sum_drag) - drag_work(d)
         s(sum_exchange) = s(sum_exchange) + sum(pore%p*(pore%omega - before)) &
                           - (stored - pore%stored)
         do a = 1, size(pore%hold)
@@ -74,6 +74,19 @@ contains
       call book_liquid(d)
     end associate
   end subroutine end_exchange
+
+  !> Work of the drag within bricks since the exchange began [J].
+  real(wp) function drag_work(d) result(work)
+    type(dem_data_type), intent(in) :: d
+    integer(i4) :: i
+    work = 0.0_wp
+    if (.not. d%pore%fluctuation) return
+    do i = 1, d%grains%n
+      work = work + d%pore%drag(1, i)*(d%grains%x(1, i) - d%pore%start_x(1, i)) &
+             + d%pore%drag(2, i)*(d%grains%x(2, i) - d%pore%start_x(2, i)) &
+             + d%pore%drag(3, i)*(d%grains%x(3, i) - d%pore%start_x(3, i))
+    end do
+  end function drag_work
 
   !> The liquid's part of the ledger.
   subroutine book_liquid(d)
@@ -122,43 +135,54 @@ contains
     end do
   end subroutine hull_motion
 
-  !> One over the mass with which each grain gives way; 0 where its motion is prescribed.
-  function yielding(d) result(inverse_mass)
-    type(dem_data_type), intent(in) :: d
-    real(wp) :: inverse_mass(d%grains%n)
+  !> The fit where the exchange began. Masses and kinds of grains stay in a run.
+  subroutine fit_here(d)
+    type(dem_data_type), intent(inout) :: d
     type(motion_type) :: motion
-    motion = motion_of(d, d%par%dt)
-    inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
-                         d%grains%kind(:d%grains%n) == kind_free)
-  end function yielding
+    associate (fit => d%pore%fit)
+      if (.not. allocated(fit%inverse_mass)) then
+        motion = motion_of(d, d%par%dt)
+        fit%inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
+                                 d%grains%kind(:d%grains%n) == kind_free)
+      end if
+      call make_fit(d%pore%grid, d%pore%start_x, d%pore%volume, fit)
+    end associate
+  end subroutine fit_here
+
+  !> Pores as they are now (N229).
+  subroutine renew_pores(d, time, errors)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: time  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: reach(3, d%grains%n)
+    call boxes_of(d%grains, reach)
+    call count_pores(d%pore, d%grains%x, reach)
+    call check_pores(d, time, errors)
+  end subroutine renew_pores
 
   !> Pressures and forces of the steps to come, over `span` from `time` [s] (N226 to N229).
   subroutine begin_exchange(d, time, span, errors)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time, span
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: reach(3, d%grains%n)
+    real(wp) :: field(4, 3, brick_count(d%pore%grid))
 
     associate (pore => d%pore)
       call follow_walls(d)
-      if (modulo(pore%exchanges, int(pore%refresh, i8)) == 0) then
-        call boxes_of(d%grains, reach)
-        call count_pores(pore, d%grains%x, reach)
-        call check_pores(d, time, errors)
-      end if
+      if (modulo(pore%exchanges, int(pore%refresh, i8)) == 0) call renew_pores(d, time, errors)
       call set_mobility(pore)
       pore%start_x = d%grains%x
-      call make_fit(pore%grid, pore%start_x, pore%volume, yielding(d), pore%fit)
+      call fit_here(d)
       call hold_nodes(pore)
       call check_bricks(d, time, errors)
       if (errors%any()) return
       pore%since = time
       pore%span = span
-      call predict(d, errors)
+      call fit_fields(pore%fit, d%grains%v, field)
+      call predict(d, field, errors)
       if (errors%any()) return
       call grain_forces(pore%grid, pore%fit, pore%p, pore%held)
-      pore%drag = 0.0_wp
-      if (pore%fluctuation) call set_drag(d)
+      if (pore%fluctuation) call set_drag(d, field)
       call see_flow(pore)
       call load_grains(d)
       pore%exchanges = pore%exchanges + 1
@@ -167,15 +191,16 @@ contains
   end subroutine begin_exchange
 
   !> C p + T L p + T^2 D M^-1 D' p = omega + T (D v + q). eq. D.38
-  subroutine predict(d, errors)
+  subroutine predict(d, field, errors)
     type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: field(:, :, :)  !! of the grains' velocities
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(size(d%pore%p)) :: rate, hull, c, free, rhs
     real(wp), allocatable :: matrix(:, :, :)
 
     associate (pore => d%pore)
       allocate (matrix(8, 8, brick_count(pore%grid)))
-      call compress(pore%grid, pore%fit, d%grains%v, rate)
+      call compress(pore%grid, field, rate)
       call hull_motion(d, .false., hull)
       rate = rate + hull
       call add_sources(pore, rate)
@@ -194,56 +219,92 @@ contains
 
   !> Drag on grains that do not move with their brick's linear field, without resultant; bounded by
   !! what stops them within the exchange. eq. D.40
-  subroutine set_drag(d)
+  subroutine set_drag(d, field)
     type(dem_data_type), intent(inout) :: d
-    real(wp) :: field(4, 3), rate, lightest, base(4)
-    integer(i4) :: c, k, i
-    associate (pore => d%pore, fit => d%pore%fit)
-      do c = 1, brick_count(pore%grid)
-        if (fit%start(c + 1) == fit%start(c)) cycle
-        field = fitted(fit, c, d%grains%v)
-        lightest = huge(1.0_wp)
+    real(wp), intent(in) :: field(:, :, :)  !! (4, 3, bricks) of the grains' velocities
+    real(wp) :: rate
+    integer(i4) :: c, k, i, j
+    associate (pore => d%pore, fit => d%pore%fit, v => d%grains%v)
+      !$omp parallel do default(none) schedule(static) private(c, k, i, j, rate) shared(d, field)
+      do c = 1, size(field, 3)
+        rate = drag_rate(d, c)
         do k = fit%start(c), fit%start(c + 1) - 1
           i = fit%grain(k)
-          lightest = min(lightest, d%grains%mass(i)/fit%weight(k))
-        end do
-        rate = drag_in(pore, c)/(pore%liquid%factor*max(1.0_wp - pore%porosity(c), 0.01_wp))
-        rate = rate/(1.0_wp + rate*pore%span/lightest)
-        do k = fit%start(c), fit%start(c + 1) - 1
-          i = fit%grain(k)
-          base = [1.0_wp, fit%local(:, k)]
-          pore%drag(:, i) = -rate*fit%weight(k)*(d%grains%v(:, i) - matmul(base, field))
+          do j = 1, 3
+            pore%drag(j, i) = -rate*fit%weight(k)*(v(j, i) - field(1, j, c) &
+              - fit%local(1, k)*field(2, j, c) - fit%local(2, k)*field(3, j, c) &
+              - fit%local(3, k)*field(4, j, c))
+          end do
         end do
       end do
+      !$omp end parallel do
     end associate
   end subroutine set_drag
 
+  !> Drag over volume and relative velocity in a brick [Pa s/m^2].
+  pure real(wp) function drag_rate(d, c) result(rate)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: c
+    real(wp), parameter :: clear = 0.01_wp
+    real(wp) :: lightest
+    integer(i4) :: k
+    associate (pore => d%pore, fit => d%pore%fit)
+      lightest = huge(1.0_wp)
+      do k = fit%start(c), fit%start(c + 1) - 1
+        lightest = min(lightest, d%grains%mass(fit%grain(k))/fit%weight(k))
+      end do
+      rate = drag_in(pore, c)/(pore%liquid%factor*max(1.0_wp - pore%porosity(c), clear))
+      rate = rate/(1.0_wp + rate*pore%span/lightest)
+    end associate
+  end function drag_rate
+
   !> Forces of the liquid to the free grains, with their buoyancy and without the weight of what
-  !! they carry; the leapfrog's part of the energy follows.
+  !! they carry; the leapfrog's part of the energy follows, added up in runs of grains that do not
+  !! depend on the threads.
   subroutine load_grains(d)
     type(dem_data_type), intent(inout) :: d
     type(motion_type) :: motion
-    real(wp) :: new(3), change(3), total(3), m, staggering
-    integer(i4) :: i
+    integer(i4), parameter :: long = 512
+    real(wp) :: part((d%grains%n + long - 1)/long)
+    integer(i4) :: k
 
     motion = motion_of(d, d%ledger_dt)
-    staggering = 0.0_wp
+    !$omp parallel do default(none) schedule(static) private(k) shared(d, motion, part)
+    do k = 1, size(part)
+      call load_run(d, motion, (k - 1)*long + 1, min(k*long, d%grains%n), part(k))
+    end do
+    !$omp end parallel do
+    d%ledger%start = d%ledger%start - d%ledger_dt**2/8.0_wp*sum(part)
+  end subroutine load_grains
+
+  !> Grains low to high, and the change of the sum of G^2/m, G their total forces.
+  subroutine load_run(d, motion, low, high, change)
+    type(dem_data_type), intent(inout) :: d
+    type(motion_type), intent(in) :: motion
+    integer(i4), intent(in) :: low, high
+    real(wp), intent(out) :: change
+    real(wp) :: new, lift, down, m, inverse, more
+    integer(i4) :: i, j
+    change = 0.0_wp
     associate (g => d%grains, pore => d%pore)
-      do i = 1, g%n
+      do i = low, high
         if (g%kind(i) /= kind_free) cycle
-        new = pore%held(:, i) + pore%drag(:, i) &
-              - (pore%carried(i) + pore%liquid%density*pore%volume(i))*motion%gravity
-        if (allocated(d%surcharge)) new(3) = new(3) - d%surcharge(i)
-        change = new - g%extra_force(:, i)
         m = motion%mass_scale*g%mass(i)
-        total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
-                - motion%damping*m*g%v(:, i)
-        staggering = staggering + sum(change*(2.0_wp*total + change))/m
-        g%extra_force(:, i) = new
+        inverse = 1.0_wp/m
+        lift = -(pore%carried(i) + pore%liquid%density*pore%volume(i))
+        down = 0.0_wp
+        if (allocated(d%surcharge)) down = d%surcharge(i)
+        do j = 1, 3
+          new = pore%held(j, i) + pore%drag(j, i) + lift*motion%gravity(j)
+          if (j == 3) new = new - down
+          more = new - g%extra_force(j, i)
+          change = change + inverse*more*(more + 2.0_wp*(g%force(j, i) + g%extra_force(j, i) &
+                   + g%mass(i)*motion%gravity(j) - motion%damping*m*g%v(j, i)))
+          g%extra_force(j, i) = new
+        end do
       end do
     end associate
-    d%ledger%start = d%ledger%start - d%ledger_dt**2/8.0_wp*staggering
-  end subroutine load_grains
+  end subroutine load_run
 
   !> Porosities within (0, 1), and not far from those at the start (N229).
   subroutine check_pores(d, time, errors)

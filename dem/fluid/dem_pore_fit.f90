@@ -9,37 +9,51 @@ module dem_pore_fit
   use dem_pore_grid, only: brick_count, brick_edges, brick_of, place_in
   implicit none
   private
-  public :: make_fit, fitted
+  public :: make_fit, fit_fields
 
   integer(i4), parameter :: fewest = 8           !! grains that make a slope
   real(wp), parameter :: most_skewed = 1.0e4_wp  !! condition of A beyond which there is none
 
 contains
 
-  !> Grains into bricks, and the fit of each. What does not yield has no inverse mass.
-  subroutine make_fit(grid, x, volume, inverse_mass, fit)
+  !> Grains into bricks, and the fit of each. Inverse masses are there; without, nothing gives way.
+  subroutine make_fit(grid, x, volume, fit)
     type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: x(:, :)          !! (3, grains) [m]
-    real(wp), intent(in) :: volume(:)        !! [m^3]
-    real(wp), intent(in) :: inverse_mass(:)  !! [1/kg]
+    real(wp), intent(in) :: x(:, :)    !! (3, grains) [m]
+    real(wp), intent(in) :: volume(:)  !! [m^3]
     type(pore_fit_type), intent(inout) :: fit
-    integer(i4) :: bricks, c
+    integer(i4) :: c
     real(wp) :: a(4, 4), b(4, 4)
 
-    bricks = brick_count(grid)
+    call size_fit(size(x, 2, kind=i4), brick_count(grid), fit)
     call sort_grains(grid, x, fit)
-    call place_grains(grid, x, volume, fit)
+    !$omp parallel do default(none) schedule(static) private(c, a, b) &
+    !$omp   shared(grid, x, volume, fit)
+    do c = 1, brick_count(grid)
+      call place_grains(grid, c, x, volume, fit)
+      call moments(fit, c, a, b)
+      call invert(a, fit%start(c + 1) - fit%start(c), fit%inverse(:, :, c))
+      fit%yield(:, :, c) = matmul(fit%inverse(:, :, c), matmul(b, fit%inverse(:, :, c)))
+    end do
+    !$omp end parallel do
+    fit%ready = .true.
+  end subroutine make_fit
+
+  !> Room for so many grains and bricks.
+  subroutine size_fit(grains, bricks, fit)
+    integer(i4), intent(in) :: grains, bricks
+    type(pore_fit_type), intent(inout) :: fit
+    if (allocated(fit%brick)) then
+      if (size(fit%brick) /= grains) deallocate (fit%brick, fit%grain, fit%weight, fit%local)
+    end if
+    if (.not. allocated(fit%brick)) &
+      allocate (fit%brick(grains), fit%grain(grains), fit%weight(grains), fit%local(3, grains))
+    if (.not. allocated(fit%inverse_mass)) allocate (fit%inverse_mass(grains), source=0.0_wp)
     if (allocated(fit%inverse)) then
       if (size(fit%inverse, 3) /= bricks) deallocate (fit%inverse, fit%yield)
     end if
     if (.not. allocated(fit%inverse)) allocate (fit%inverse(4, 4, bricks), fit%yield(4, 4, bricks))
-    do c = 1, bricks
-      call moments(fit, c, inverse_mass, a, b)
-      call invert(a, fit%start(c + 1) - fit%start(c), fit%inverse(:, :, c))
-      fit%yield(:, :, c) = matmul(fit%inverse(:, :, c), matmul(b, fit%inverse(:, :, c)))
-    end do
-    fit%ready = .true.
-  end subroutine make_fit
+  end subroutine size_fit
 
   !> Count and list the grains of each brick.
   subroutine sort_grains(grid, x, fit)
@@ -48,14 +62,16 @@ contains
     type(pore_fit_type), intent(inout) :: fit
     integer(i4), allocatable :: next(:)
     integer(i4) :: i, c
-    if (allocated(fit%brick)) then
-      if (size(fit%brick) /= size(x, 2)) deallocate (fit%brick, fit%grain)
-    end if
-    if (.not. allocated(fit%brick)) allocate (fit%brick(size(x, 2)), fit%grain(size(x, 2)))
+    real(wp) :: scale(3)
+    scale = 1.0_wp/brick_edges(grid)
+    !$omp parallel do default(none) schedule(static) private(i) shared(grid, x, fit, scale)
+    do i = 1, size(x, 2)
+      fit%brick(i) = brick_of(grid, scale, x(:, i))
+    end do
+    !$omp end parallel do
     allocate (next(brick_count(grid) + 1), source=0)
     do i = 1, size(x, 2)
-      c = brick_of(grid, x(:, i))
-      fit%brick(i) = c
+      c = fit%brick(i)
       if (c > 0) next(c + 1) = next(c + 1) + 1
     end do
     next(1) = 1
@@ -71,48 +87,54 @@ contains
     end do
   end subroutine sort_grains
 
-  !> Places in the bricks and weights, by brick.
-  subroutine place_grains(grid, x, volume, fit)
+  !> Places in a brick and weights.
+  pure subroutine place_grains(grid, c, x, volume, fit)
     type(pore_grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: c
     real(wp), intent(in) :: x(:, :), volume(:)
     type(pore_fit_type), intent(inout) :: fit
-    real(wp) :: h(3), centre(3)
-    integer(i4) :: c, k, many
-    many = size(x, 2)
-    if (allocated(fit%weight)) then
-      if (size(fit%weight) /= many) deallocate (fit%weight, fit%local)
-    end if
-    if (.not. allocated(fit%weight)) allocate (fit%weight(many), fit%local(3, many))
+    real(wp) :: h(3), centre(3), scale(3)
+    integer(i4) :: k, i
     h = brick_edges(grid)
-    do c = 1, brick_count(grid)
-      centre = grid%lower + h*(place_in(grid, c) + 0.5_wp)
-      do k = fit%start(c), fit%start(c + 1) - 1
-        fit%local(:, k) = (x(:, fit%grain(k)) - centre)/h
-        fit%weight(k) = volume(fit%grain(k))
-      end do
+    scale = 1.0_wp/h
+    centre = grid%lower + h*(place_in(grid, c) + 0.5_wp)
+    do k = fit%start(c), fit%start(c + 1) - 1
+      i = fit%grain(k)
+      fit%local(1, k) = (x(1, i) - centre(1))*scale(1)
+      fit%local(2, k) = (x(2, i) - centre(2))*scale(2)
+      fit%local(3, k) = (x(3, i) - centre(3))*scale(3)
+      fit%weight(k) = volume(i)
     end do
   end subroutine place_grains
 
   !> A = sum V [1 x][1 x]' and B = sum V^2/m [1 x][1 x]' of a brick.
-  pure subroutine moments(fit, c, inverse_mass, a, b)
+  pure subroutine moments(fit, c, a, b)
     type(pore_fit_type), intent(in) :: fit
     integer(i4), intent(in) :: c
-    real(wp), intent(in) :: inverse_mass(:)
     real(wp), intent(out) :: a(4, 4), b(4, 4)
-    real(wp) :: base(4), v, w
-    integer(i4) :: k, j
-    a = 0.0_wp
-    b = 0.0_wp
+    real(wp) :: product(10), v, w, sums(10, 2)
+    integer(i4) :: k
+    sums = 0.0_wp
     do k = fit%start(c), fit%start(c + 1) - 1
-      base = [1.0_wp, fit%local(:, k)]
       v = fit%weight(k)
-      w = v*v*inverse_mass(fit%grain(k))
-      do j = 1, 4
-        a(:, j) = a(:, j) + (v*base(j))*base
-        b(:, j) = b(:, j) + (w*base(j))*base
-      end do
+      w = v*v*fit%inverse_mass(fit%grain(k))
+      associate (x => fit%local(1, k), y => fit%local(2, k), z => fit%local(3, k))
+        product = [1.0_wp, x, y, z, x*x, x*y, x*z, y*y, y*z, z*z]
+      end associate
+      sums(:, 1) = sums(:, 1) + v*product
+      sums(:, 2) = sums(:, 2) + w*product
     end do
+    a = unfolded(sums(:, 1))
+    b = unfolded(sums(:, 2))
   end subroutine moments
+
+  !> A symmetric matrix of its lower columns.
+  pure function unfolded(s) result(a)
+    real(wp), intent(in) :: s(10)
+    real(wp) :: a(4, 4)
+    a = reshape([s(1), s(2), s(3), s(4), s(2), s(5), s(6), s(7), s(3), s(6), s(8), s(9), s(4), &
+                 s(7), s(9), s(10)], [4, 4])
+  end function unfolded
 
   !> Inverse of A, or of its first entry alone, or zero without grains.
   pure subroutine invert(a, many, inverse)
@@ -174,21 +196,56 @@ contains
     end do
   end function solved
 
-  !> Coefficients of a brick's linear field of v, which is a velocity or a displacement of the
-  !! grains: (1 + coordinates, axis).
-  pure function fitted(fit, c, v) result(field)
+  !> Coefficients of the linear fields of all bricks, of v or of v - from, velocities or places of
+  !! the grains: (1 + coordinates, axis, brick).
+  subroutine fit_fields(fit, v, field, from)
+    type(pore_fit_type), intent(in) :: fit
+    real(wp), intent(in) :: v(:, :)                !! (3, grains)
+    real(wp), intent(out) :: field(:, :, :)        !! (4, 3, bricks)
+    real(wp), intent(in), optional :: from(:, :)   !! (3, grains)
+    integer(i4) :: c
+    !$omp parallel do default(none) schedule(static) private(c) shared(fit, v, field, from)
+    do c = 1, size(field, 3)
+      if (present(from)) then
+        field(:, :, c) = matmul(fit%inverse(:, :, c), way_moments(fit, c, v, from))
+      else
+        field(:, :, c) = matmul(fit%inverse(:, :, c), speed_moments(fit, c, v))
+      end if
+    end do
+    !$omp end parallel do
+  end subroutine fit_fields
+
+  !> Sum V [1 x]' v' of a brick.
+  pure function speed_moments(fit, c, v) result(total)
     type(pore_fit_type), intent(in) :: fit
     integer(i4), intent(in) :: c
-    real(wp), intent(in) :: v(:, :)  !! (3, grains)
-    real(wp) :: field(4, 3), total(4, 3), base(4)
-    integer(i4) :: k, j
+    real(wp), intent(in) :: v(:, :)
+    real(wp) :: total(4, 3), base(4)
+    integer(i4) :: k, i
     total = 0.0_wp
     do k = fit%start(c), fit%start(c + 1) - 1
+      i = fit%grain(k)
       base = fit%weight(k)*[1.0_wp, fit%local(:, k)]
-      do j = 1, 3
-        total(:, j) = total(:, j) + v(j, fit%grain(k))*base
-      end do
+      total(:, 1) = total(:, 1) + v(1, i)*base
+      total(:, 2) = total(:, 2) + v(2, i)*base
+      total(:, 3) = total(:, 3) + v(3, i)*base
     end do
-    field = matmul(fit%inverse(:, :, c), total)
-  end function fitted
+  end function speed_moments
+
+  !> The same of the ways from former places.
+  pure function way_moments(fit, c, x, from) result(total)
+    type(pore_fit_type), intent(in) :: fit
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: x(:, :), from(:, :)
+    real(wp) :: total(4, 3), base(4)
+    integer(i4) :: k, i
+    total = 0.0_wp
+    do k = fit%start(c), fit%start(c + 1) - 1
+      i = fit%grain(k)
+      base = fit%weight(k)*[1.0_wp, fit%local(:, k)]
+      total(:, 1) = total(:, 1) + (x(1, i) - from(1, i))*base
+      total(:, 2) = total(:, 2) + (x(2, i) - from(2, i))*base
+      total(:, 3) = total(:, 3) + (x(3, i) - from(3, i))*base
+    end do
+  end function way_moments
 end module dem_pore_fit

@@ -34,13 +34,14 @@ contains
   end function brick_edges
 
   !> Brick that holds a point, 0 outside the grid.
-  pure integer(i4) function brick_of(grid, x) result(brick)
+  pure integer(i4) function brick_of(grid, scale, x) result(brick)
     type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: x(3)  !! [m]
+    real(wp), intent(in) :: scale(3)  !! one over the edges of a brick [1/m]
+    real(wp), intent(in) :: x(3)      !! [m]
     integer(i4) :: at(3)
     brick = 0
     if (.not. all(x >= grid%lower .and. x <= grid%upper)) return
-    at = min(int((x - grid%lower)/brick_edges(grid), i4), grid%bricks - 1)
+    at = min(int((x - grid%lower)*scale, i4), grid%bricks - 1)
     brick = 1 + at(1) + grid%bricks(1)*(at(2) + grid%bricks(2)*at(3))
   end function brick_of
 

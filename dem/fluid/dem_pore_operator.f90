@@ -8,7 +8,6 @@ module dem_pore_operator
   use dem_pore_state, only: pore_grid_type, pore_fit_type
   use dem_pore_grid, only: brick_count, brick_edges, corners_of, node_count, slopes, stiffness, &
     on_side, side_share
-  use dem_pore_fit, only: fitted
   implicit none
   private
   public :: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
@@ -16,20 +15,18 @@ module dem_pore_operator
 contains
 
   !> What a motion of the grains compresses, by node, walls at rest: (D v)_a.
-  subroutine compress(grid, fit, v, rate)
+  subroutine compress(grid, field, rate)
     type(pore_grid_type), intent(in) :: grid
-    type(pore_fit_type), intent(in) :: fit
-    real(wp), intent(in) :: v(:, :)     !! (3, grains) velocity or displacement
-    real(wp), intent(out) :: rate(:)    !! (nodes)
-    real(wp) :: g(4, 3, 8), field(4, 3)
+    real(wp), intent(in) :: field(:, :, :)  !! (4, 3, bricks) of velocities or ways, fit_fields
+    real(wp), intent(out) :: rate(:)        !! (nodes)
+    real(wp) :: g(4, 3, 8)
     integer(i4) :: c, a, node(8)
     g = slopes(brick_edges(grid))
     rate = 0.0_wp
     do c = 1, brick_count(grid)
-      field = fitted(fit, c, v)
       node = corners_of(grid, c)
       do a = 1, 8
-        rate(node(a)) = rate(node(a)) + sum(g(:, :, a)*field)
+        rate(node(a)) = rate(node(a)) + sum(g(:, :, a)*field(:, :, c))
       end do
     end do
   end subroutine compress
@@ -53,14 +50,19 @@ contains
   subroutine grain_forces(grid, fit, p, force)
     type(pore_grid_type), intent(in) :: grid
     type(pore_fit_type), intent(in) :: fit
-    real(wp), intent(in) :: p(:)          !! (nodes) [Pa]
-    real(wp), intent(out) :: force(:, :)  !! (3, grains) [N]
-    real(wp) :: g(4, 3, 8), pull(4, 3)
+    real(wp), intent(in) :: p(:)            !! (nodes) [Pa]
+    real(wp), intent(inout) :: force(:, :)  !! (3, grains) [N]
+    real(wp) :: g(4, 3, 8), pull(4, 3), w
     integer(i4) :: c, a, k, node(8), i
     g = slopes(brick_edges(grid))
-    force = 0.0_wp
+    !$omp parallel default(none) private(c, a, k, i, node, pull, w) shared(grid, fit, p, force, g)
+    !$omp do schedule(static)
+    do i = 1, size(force, 2)
+      force(:, i) = 0.0_wp
+    end do
+    !$omp end do
+    !$omp do schedule(static)
     do c = 1, brick_count(grid)
-      if (fit%start(c + 1) == fit%start(c)) cycle
       node = corners_of(grid, c)
       pull = 0.0_wp
       do a = 1, 8
@@ -69,10 +71,15 @@ contains
       pull = matmul(fit%inverse(:, :, c), pull)
       do k = fit%start(c), fit%start(c + 1) - 1
         i = fit%grain(k)
-        force(:, i) = -fit%weight(k)*(pull(1, :) + fit%local(1, k)*pull(2, :) &
-                                      + fit%local(2, k)*pull(3, :) + fit%local(3, k)*pull(4, :))
+        w = -fit%weight(k)
+        do a = 1, 3
+          force(a, i) = w*(pull(1, a) + fit%local(1, k)*pull(2, a) + fit%local(2, k)*pull(3, a) &
+                           + fit%local(3, k)*pull(4, a))
+        end do
       end do
     end do
+    !$omp end do
+    !$omp end parallel
   end subroutine grain_forces
 
   !> Add the rate at which Darcy's flow leaves the nodes, L p, and what it dissipates.

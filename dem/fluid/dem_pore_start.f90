@@ -4,7 +4,7 @@ module dem_pore_start
   use dem_ellipsoid, only: rotation_of
   use dem_state, only: dem_data_type, dem_grains_type
   use dem_pore_state, only: dem_pore_type
-  use dem_pore_grid, only: brick_count, node_count, brick_of
+  use dem_pore_grid, only: brick_count, node_count, brick_of, brick_edges
   use dem_pore_medium, only: count_pores, set_mobility, ellipsoid_area
   implicit none
   private
@@ -77,7 +77,7 @@ contains
     associate (pore => d%pore)
       least = fullest*(1.0_wp - minval(pore%porosity))
       do i = 1, d%grains%n
-        c = brick_of(pore%grid, d%grains%x(:, i))
+        c = brick_of(pore%grid, 1.0_wp/brick_edges(pore%grid), d%grains%x(:, i))
         if (c == 0) cycle
         solid = max(1.0_wp - pore%porosity(c), least)
         pore%carried(i) = (1.0_wp - solid)/solid*pore%volume(i)*pore%liquid%density

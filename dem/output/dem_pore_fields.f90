@@ -8,7 +8,7 @@ module dem_pore_fields
   use talus_series, only: series_type
   use talus_xdmf, only: xdmf_type, xdmf_cell, xdmf_node
   use dem_grids, only: put_mesh
-  use dem_pore_fit, only: make_fit, fitted
+  use dem_pore_fit, only: make_fit, fit_fields
   use dem_pore_grid, only: brick_count, node_count, brick_edges, node_place
   use dem_pore_medium, only: darcy_velocity
   use dem_pore_state, only: pore_grid_type, pore_fit_type
@@ -82,20 +82,20 @@ contains
     type(h5_file_type) :: file
     character(len=:), allocatable :: group
     type(pore_fit_type) :: fit
-    real(wp), allocatable :: v(:, :), w(:, :), divergence(:)
-    real(wp) :: field(4, 3), h(3)
+    real(wp), allocatable :: v(:, :), w(:, :), divergence(:), field(:, :, :)
+    real(wp) :: h(3)
     integer(i4) :: c, j
 
     if (.not. self%opened .or. .not. time > self%last_time) return
     associate (pore => d%pore)
-      call make_fit(pore%grid, d%grains%x, pore%volume, 0.0_wp*pore%volume, fit)
+      call make_fit(pore%grid, d%grains%x, pore%volume, fit)
       h = brick_edges(pore%grid)
       allocate (v(3, brick_count(pore%grid)), w(3, brick_count(pore%grid)))
-      allocate (divergence(brick_count(pore%grid)))
+      allocate (divergence(brick_count(pore%grid)), field(4, 3, brick_count(pore%grid)))
+      call fit_fields(fit, d%grains%v, field)
       do c = 1, size(divergence)
-        field = fitted(fit, c, d%grains%v)
-        v(:, c) = field(1, :)
-        divergence(c) = sum([(field(1 + j, j)/h(j), j=1, 3)])
+        v(:, c) = field(1, :, c)
+        divergence(c) = sum([(field(1 + j, j, c)/h(j), j=1, 3)])
         w(:, c) = darcy_velocity(pore, c)
       end do
       call self%series%begin_step(time, file, group, errors)

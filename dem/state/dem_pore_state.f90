@@ -43,6 +43,7 @@ module dem_pore_state
     integer(i4), allocatable :: grain(:)        !! by brick, in rising order
     real(wp), allocatable :: local(:, :)        !! (3, grains) place in the brick, as `grain` [-]
     real(wp), allocatable :: weight(:)          !! volume, as `grain` [m^3]
+    real(wp), allocatable :: inverse_mass(:)    !! (grains) 0 where the motion is prescribed [1/kg]
     real(wp), allocatable :: inverse(:, :, :)   !! (4, 4, bricks) A^-1 [1/m^3]
     real(wp), allocatable :: yield(:, :, :)     !! (4, 4, bricks) A^-1 B A^-1 [1/kg]
   end type pore_fit_type
