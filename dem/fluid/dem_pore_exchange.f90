@@ -14,7 +14,7 @@ module dem_pore_exchange
   use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
     sum_drag, sum_exchange, sum_seepage
   use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
-  use dem_pore_fit, only: make_fit, fit_fields
+  use dem_pore_fit, only: make_fit, fit_fields, fit_ways
   use dem_pore_hold, only: hold_nodes, add_sources, find_empty
   use dem_pore_medium, only: count_pores, set_mobility, see_flow, drag_in
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
@@ -38,7 +38,7 @@ contains
     associate (pore => d%pore)
       span = time - pore%since
       if (.not. pore%fit%ready) call fit_here(d)
-      call fit_fields(pore%fit, d%grains%x, field, pore%start_x)
+      call fit_ways(pore%grid, pore%fit, d%grains%x, field)
       call compress(pore%grid, field, moved)
       call hull_motion(d, .true., hull)
       flow = 0.0_wp
@@ -222,24 +222,29 @@ contains
   subroutine set_drag(d, field)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: field(:, :, :)  !! (4, 3, bricks) of the grains' velocities
-    real(wp) :: rate
-    integer(i4) :: c, k, i, j
+    integer(i4) :: c
+    !$omp parallel do default(none) schedule(static) private(c) shared(d, field)
+    do c = 1, size(field, 3)
+      call drag_brick(d, c, -drag_rate(d, c), field(:, :, c))
+    end do
+    !$omp end parallel do
+  end subroutine set_drag
+
+  pure subroutine drag_brick(d, c, rate, field)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: rate, field(4, 3)
+    integer(i4) :: k, i, j
     associate (pore => d%pore, fit => d%pore%fit, v => d%grains%v)
-      !$omp parallel do default(none) schedule(static) private(c, k, i, j, rate) shared(d, field)
-      do c = 1, size(field, 3)
-        rate = drag_rate(d, c)
-        do k = fit%start(c), fit%start(c + 1) - 1
-          i = fit%grain(k)
-          do j = 1, 3
-            pore%drag(j, i) = -rate*fit%weight(k)*(v(j, i) - field(1, j, c) &
-              - fit%local(1, k)*field(2, j, c) - fit%local(2, k)*field(3, j, c) &
-              - fit%local(3, k)*field(4, j, c))
-          end do
+      do k = fit%start(c), fit%start(c + 1) - 1
+        i = fit%grain(k)
+        do j = 1, 3
+          pore%drag(j, i) = rate*fit%weight(k)*(v(j, i) - field(1, j) &
+                                                - dot_product(fit%local(:, k), field(2:, j)))
         end do
       end do
-      !$omp end parallel do
     end associate
-  end subroutine set_drag
+  end subroutine drag_brick
 
   !> Drag over volume and relative velocity in a brick [Pa s/m^2].
   pure real(wp) function drag_rate(d, c) result(rate)

@@ -9,7 +9,7 @@ module dem_pore_fit
   use dem_pore_grid, only: brick_count, brick_edges, brick_of, place_in
   implicit none
   private
-  public :: make_fit, fit_fields
+  public :: make_fit, fit_fields, fit_ways
 
   integer(i4), parameter :: fewest = 8           !! grains that make a slope
   real(wp), parameter :: most_skewed = 1.0e4_wp  !! condition of A beyond which there is none
@@ -196,56 +196,62 @@ contains
     end do
   end function solved
 
-  !> Coefficients of the linear fields of all bricks, of v or of v - from, velocities or places of
-  !! the grains: (1 + coordinates, axis, brick).
-  subroutine fit_fields(fit, v, field, from)
+  !> Coefficients of the linear fields of all bricks of the grains' velocities:
+  !! (1 + coordinates, axis, brick).
+  subroutine fit_fields(fit, v, field)
     type(pore_fit_type), intent(in) :: fit
-    real(wp), intent(in) :: v(:, :)                !! (3, grains)
-    real(wp), intent(out) :: field(:, :, :)        !! (4, 3, bricks)
-    real(wp), intent(in), optional :: from(:, :)   !! (3, grains)
-    integer(i4) :: c
-    !$omp parallel do default(none) schedule(static) private(c) shared(fit, v, field, from)
+    real(wp), intent(in) :: v(:, :)          !! (3, grains)
+    real(wp), intent(out) :: field(:, :, :)  !! (4, 3, bricks)
+    integer(i4) :: c, k, i
+    real(wp) :: total(4, 3)
+    !$omp parallel do default(none) schedule(static) private(c, k, i, total) shared(fit, v, field)
     do c = 1, size(field, 3)
-      if (present(from)) then
-        field(:, :, c) = matmul(fit%inverse(:, :, c), way_moments(fit, c, v, from))
-      else
-        field(:, :, c) = matmul(fit%inverse(:, :, c), speed_moments(fit, c, v))
-      end if
+      total = 0.0_wp
+      do k = fit%start(c), fit%start(c + 1) - 1
+        i = fit%grain(k)
+        call add_motion(fit%weight(k), fit%local(:, k), v(:, i), total)
+      end do
+      field(:, :, c) = matmul(fit%inverse(:, :, c), total)
     end do
     !$omp end parallel do
   end subroutine fit_fields
 
-  !> Sum V [1 x]' v' of a brick.
-  pure function speed_moments(fit, c, v) result(total)
+  !> The same of their ways from where the fit was made.
+  subroutine fit_ways(grid, fit, x, field)
+    type(pore_grid_type), intent(in) :: grid  !! as then
     type(pore_fit_type), intent(in) :: fit
-    integer(i4), intent(in) :: c
-    real(wp), intent(in) :: v(:, :)
-    real(wp) :: total(4, 3), base(4)
-    integer(i4) :: k, i
-    total = 0.0_wp
-    do k = fit%start(c), fit%start(c + 1) - 1
-      i = fit%grain(k)
-      base = fit%weight(k)*[1.0_wp, fit%local(:, k)]
-      total(:, 1) = total(:, 1) + v(1, i)*base
-      total(:, 2) = total(:, 2) + v(2, i)*base
-      total(:, 3) = total(:, 3) + v(3, i)*base
+    real(wp), intent(in) :: x(:, :)           !! (3, grains) now [m]
+    real(wp), intent(out) :: field(:, :, :)
+    integer(i4) :: c, k
+    real(wp) :: total(4, 3), h(3), scale(3), centre(3), way(3)
+    h = brick_edges(grid)
+    scale = 1.0_wp/h
+    !$omp parallel do default(none) schedule(static) private(c, k, total, centre, way) &
+    !$omp   shared(grid, fit, x, field, h, scale)
+    do c = 1, size(field, 3)
+      centre = grid%lower + h*(place_in(grid, c) + 0.5_wp)
+      total = 0.0_wp
+      do k = fit%start(c), fit%start(c + 1) - 1
+        way = h*((x(:, fit%grain(k)) - centre)*scale - fit%local(:, k))
+        call add_motion(fit%weight(k), fit%local(:, k), way, total)
+      end do
+      field(:, :, c) = matmul(fit%inverse(:, :, c), total)
     end do
-  end function speed_moments
+    !$omp end parallel do
+  end subroutine fit_ways
 
-  !> The same of the ways from former places.
-  pure function way_moments(fit, c, x, from) result(total)
-    type(pore_fit_type), intent(in) :: fit
-    integer(i4), intent(in) :: c
-    real(wp), intent(in) :: x(:, :), from(:, :)
-    real(wp) :: total(4, 3), base(4)
-    integer(i4) :: k, i
-    total = 0.0_wp
-    do k = fit%start(c), fit%start(c + 1) - 1
-      i = fit%grain(k)
-      base = fit%weight(k)*[1.0_wp, fit%local(:, k)]
-      total(:, 1) = total(:, 1) + (x(1, i) - from(1, i))*base
-      total(:, 2) = total(:, 2) + (x(2, i) - from(2, i))*base
-      total(:, 3) = total(:, 3) + (x(3, i) - from(3, i))*base
+  !> Add V [1 x]' v'.
+  pure subroutine add_motion(weight, local, v, total)
+    real(wp), intent(in) :: weight, local(3), v(3)
+    real(wp), intent(inout) :: total(4, 3)
+    real(wp) :: w
+    integer(i4) :: j
+    do j = 1, 3
+      w = weight*v(j)
+      total(1, j) = total(1, j) + w
+      total(2, j) = total(2, j) + w*local(1)
+      total(3, j) = total(3, j) + w*local(2)
+      total(4, j) = total(4, j) + w*local(3)
     end do
-  end function way_moments
+  end subroutine add_motion
 end module dem_pore_fit
