@@ -9,6 +9,7 @@ module dem_pore
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_state, only: dem_data_type
+  use dem_pore_cavity, only: hydrostatic, is_cavity
   use dem_pore_deck, only: read_liquid, read_grid, read_drains, check_run, check_start
   use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
     sum_drag, sum_exchange, sum_seepage
@@ -21,17 +22,18 @@ module dem_pore
   public :: dem_pore_control_type, mass_error
 
   real(wp), parameter :: longest_exchange = 1.2_wp  !! over the stable step
-  character(len=24), parameter :: columns(30) = [character(len=24) :: 'time [s]', &
+  character(len=24), parameter :: columns(31) = [character(len=24) :: 'time [s]', &
     'least_pressure [Pa]', 'most_pressure [Pa]', 'pressure_x0 [Pa]', 'pressure_x1 [Pa]', &
     'pressure_y0 [Pa]', 'pressure_y1 [Pa]', 'pressure_z0 [Pa]', 'pressure_z1 [Pa]', &
     'content [m3]', 'inflow [m3]', 'swept [m3]', 'balance [-]', 'out_x0 [m3]', 'out_x1 [m3]', &
     'out_y0 [m3]', 'out_y1 [m3]', 'out_z0 [m3]', 'out_z1 [m3]', 'work [J]', 'wall_work [J]', &
     'drain_work [J]', 'darcy [J]', 'drag [J]', 'exchange [J]', 'stored [J]', 'implicit [m3]', &
-    'porosity_change [-]', 'exchanges [-]', 'turns [-]']
+    'porosity_change [-]', 'exchanges [-]', 'turns [-]', 'cavities [-]']
 
   type :: dem_pore_control_type
     logical :: active = .false.
     logical :: carried = .true.
+    real(wp) :: cavitation = 0.0_wp         !! tension at which the liquid cavitates [Pa]
     type(curve_type), allocatable :: curves(:)
     integer(i4) :: curve(2, 3) = 0          !! of each side's drain, 0: none
     real(wp) :: value(2, 3) = 0.0_wp        !! of each drain [Pa] or [m/s]
@@ -43,6 +45,7 @@ module dem_pore
     procedure :: due
     procedure :: exchange
     procedure :: text => pore_text
+    procedure :: audit => audit_text
     procedure :: open => open_history
     procedure :: write => write_row
   end type dem_pore_control_type
@@ -67,6 +70,7 @@ contains
     self%curves = curves
     call read_liquid(deck, d%pore, errors)
     call deck%get('pore_grid', 1, 'carried', self%carried)
+    call deck%get('pore_grid', 1, 'cavitation', self%cavitation)
     call read_drains(deck, curves, d%pore, self%curve, errors)
     self%value = d%pore%drain_value
     call read_grid(deck, d, errors)
@@ -136,7 +140,7 @@ contains
           self%curves(self%curve(end, axis))%at(time + span)
       end do
     end do
-    call begin_exchange(d, time, span, errors)
+    call begin_exchange(d, time, span, self%cavitation, errors)
   end subroutine exchange
 
   !> Grid and pores, for the log.
@@ -153,6 +157,22 @@ contains
       short_number(minval(d%pore%mobility)*d%pore%liquid%viscosity)//' to '// &
       short_number(maxval(d%pore%mobility)*d%pore%liquid%viscosity)//' m2'
   end function pore_text
+
+  !> Volumes and works of all exchanges, for the end of the log.
+  function audit_text(self, d) result(text)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    character(len=:), allocatable :: text
+    text = ''
+    if (.not. self%active) return
+    associate (s => d%pore%sums)
+      text = str(d%pore%exchanges)//' exchanges, '//short_number(sum(d%pore%omega))// &
+        ' m3 compressed, '//short_number(s(sum_inflow))//' m3 in through drains, '// &
+        short_number(s(sum_swept))//' m3 swept by walls, balance '// &
+        short_number(mass_error(d))//' of the pores; '//short_number(s(sum_darcy))// &
+        ' J lost to flow'
+    end associate
+  end function audit_text
 
   !> What the volume of the liquid has changed by without having come or gone, over the pores.
   real(wp) function mass_error(d)
@@ -177,18 +197,19 @@ contains
     real(wp), intent(in) :: time  !! [s]
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: c(size(d%pore%p)), side(6)
+    real(wp) :: c(size(d%pore%p)), rest(size(d%pore%p)), side(6)
     integer(i4) :: k
     if (.not. self%history%is_open()) return
     associate (pore => d%pore, s => d%pore%sums)
       call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
       side = [(side_mean(d, k), k=1, 6)]
+      rest = hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale*d%par%gravity)
       call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &
         s(sum_inflow), s(sum_swept), mass_error(d), s(sum_seepage + 1:sum_seepage + 6), &
         s(sum_work), s(sum_hull), s(sum_flow), s(sum_darcy), s(sum_drag), s(sum_exchange), &
         pore%stored, sum(abs(pore%omega - c*pore%p)), &
         maxval(abs(pore%porosity - pore%first_porosity)), real(pore%exchanges, wp), &
-        real(pore%turns, wp)], errors)
+        real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp)], errors)
     end associate
   end subroutine write_row
 

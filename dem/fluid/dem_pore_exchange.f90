@@ -18,7 +18,8 @@ module dem_pore_exchange
   use dem_pore_hold, only: hold_nodes, add_sources, find_empty
   use dem_pore_medium, only: count_pores, set_mobility, see_flow, drag_in
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
-  use dem_pore_solve, only: solve_pressure
+  use dem_pore_cavity, only: solve_bounded, hydrostatic
+  use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
   implicit none
   private
@@ -161,9 +162,10 @@ contains
   end subroutine renew_pores
 
   !> Pressures and forces of the steps to come, over `span` from `time` [s] (N226 to N229).
-  subroutine begin_exchange(d, time, span, errors)
+  subroutine begin_exchange(d, time, span, cavitation, errors)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time, span
+    real(wp), intent(in) :: cavitation  !! tension of the liquid at which it cavitates [Pa]
     type(error_list_type), intent(inout) :: errors
     real(wp) :: field(4, 3, brick_count(d%pore%grid))
 
@@ -179,7 +181,7 @@ contains
       pore%since = time
       pore%span = span
       call fit_fields(pore%fit, d%grains%v, field)
-      call predict(d, field, errors)
+      call predict(d, field, cavitation, errors)
       if (errors%any()) return
       call grain_forces(pore%grid, pore%fit, pore%p, pore%held)
       if (pore%fluctuation) call set_drag(d, field)
@@ -190,26 +192,29 @@ contains
     end associate
   end subroutine begin_exchange
 
-  !> C p + T L p + T^2 D M^-1 D' p = omega + T (D v + q). eq. D.38
-  subroutine predict(d, field, errors)
+  !> C p + T L p + T^2 D M^-1 D' p = omega + T (D v + q), or p where it cavitates. eqs. D.38, D.42
+  subroutine predict(d, field, cavitation, errors)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: field(:, :, :)  !! of the grains' velocities
+    real(wp), intent(in) :: cavitation
     type(error_list_type), intent(inout) :: errors
-    real(wp), dimension(size(d%pore%p)) :: rate, hull, c, free, rhs
-    real(wp), allocatable :: matrix(:, :, :)
+    real(wp), dimension(size(d%pore%p)) :: rate, hull, free, low
+    type(pore_equations_type) :: e
 
     associate (pore => d%pore)
-      allocate (matrix(8, 8, brick_count(pore%grid)))
+      allocate (e%matrix(8, 8, brick_count(pore%grid)), e%storage(size(pore%p)))
       call compress(pore%grid, field, rate)
       call hull_motion(d, .false., hull)
       rate = rate + hull
       call add_sources(pore, rate)
-      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
-      call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, matrix)
+      call storage(pore%grid, pore%porosity, pore%liquid%compliance, e%storage)
+      call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
-      rhs = pore%omega + pore%span*rate
+      e%rhs = pore%omega + pore%span*rate
       where (pore%hold > 0) pore%p = pore%hold_p
-      call solve_pressure(pore%grid, c, matrix, free, rhs, pore%p, pore%turns)
+      low = -cavitation - hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale* &
+                                      d%par%gravity)
+      call solve_bounded(pore%grid, e, free, low, pore%p, pore%turns)
       if (pore%turns < 0) &
         call errors%add('N228', 'the pressures of the liquid were not found at '// &
                         short_number(pore%since)//' s', 'group pore_grid', 'hold a pressure '// &

@@ -5,22 +5,37 @@ module dem_pore_solve
   use dem_pore_grid, only: brick_count, corners_of
   implicit none
   private
-  public :: solve_pressure, apply
+  public :: pore_equations_type, solve_pressure, apply
 
   real(wp), parameter :: close = 1.0e-10_wp  !! residual over the right-hand side
   integer(i4), parameter :: most = 2000      !! turns
 
+  !> (C + matrices) p = rhs.
+  type :: pore_equations_type
+    real(wp), allocatable :: storage(:)       !! (nodes) diagonal C [m^3/Pa]
+    real(wp), allocatable :: matrix(:, :, :)  !! (8, 8, bricks) [m^3/Pa]
+    real(wp), allocatable :: rhs(:)           !! (nodes) [m^3]
+  end type pore_equations_type
+
 contains
 
-  !> (C + matrices) p = rhs on nodes that are not held; held ones keep the p they come with.
-  subroutine solve_pressure(grid, storage, matrix, free, rhs, p, turns)
+  !> Pressures of nodes that are not held; held ones keep the p they come with.
+  subroutine solve_pressure(grid, equations, free, p, turns)
     type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: storage(:)       !! (nodes) diagonal C [m^3/Pa]
-    real(wp), intent(in) :: matrix(:, :, :)  !! (8, 8, bricks)
-    real(wp), intent(in) :: free(:)          !! (nodes) 1, or 0 where p is held
-    real(wp), intent(in) :: rhs(:)           !! (nodes) [m^3]
-    real(wp), intent(inout) :: p(:)          !! (nodes) first guess in, pressures out [Pa]
-    integer(i4), intent(out) :: turns        !! -1: it does not converge
+    type(pore_equations_type), intent(in) :: equations
+    real(wp), intent(in) :: free(:)    !! (nodes) 1, or 0 where p is held
+    real(wp), intent(inout) :: p(:)    !! (nodes) first guess in, pressures out [Pa]
+    integer(i4), intent(out) :: turns  !! -1: it does not converge
+    associate (e => equations)
+      call iterate(grid, e%storage, e%matrix, free, e%rhs, p, turns)
+    end associate
+  end subroutine solve_pressure
+
+  subroutine iterate(grid, storage, matrix, free, rhs, p, turns)
+    type(pore_grid_type), intent(in) :: grid
+    real(wp), intent(in) :: storage(:), matrix(:, :, :), free(:), rhs(:)
+    real(wp), intent(inout) :: p(:)
+    integer(i4), intent(out) :: turns
     real(wp), dimension(size(rhs)) :: diagonal, r, z, s, q
     real(wp) :: rho, before, scale, step
 
@@ -49,7 +64,7 @@ contains
       before = rho
     end do
     turns = -1
-  end subroutine solve_pressure
+  end subroutine iterate
 
   !> (C + matrices) p at all nodes.
   subroutine apply(grid, storage, matrix, p, product)

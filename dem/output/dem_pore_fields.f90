@@ -8,14 +8,15 @@ module dem_pore_fields
   use talus_series, only: series_type
   use talus_xdmf, only: xdmf_type, xdmf_cell, xdmf_node
   use dem_grids, only: put_mesh
+  use dem_pore_cavity, only: hydrostatic
   use dem_pore_fit, only: make_fit, fit_fields
-  use dem_pore_grid, only: brick_count, node_count, brick_edges, node_place
+  use dem_pore_grid, only: brick_count, node_count, brick_edges
   use dem_pore_medium, only: darcy_velocity
-  use dem_pore_state, only: pore_grid_type, pore_fit_type
+  use dem_pore_state, only: pore_fit_type
   use dem_state, only: dem_data_type
   implicit none
   private
-  public :: dem_pore_fields_type, hydrostatic_at
+  public :: dem_pore_fields_type
 
   character(len=*), parameter :: format_name = 'talus-pore'
 
@@ -114,21 +115,4 @@ contains
     call self%xdmf%write(self%series, errors)
     self%last_time = time
   end subroutine write_fields
-
-  !> Pressure of the liquid at rest at all nodes, zero at the highest corner of the grid [Pa].
-  pure function hydrostatic(grid, weight) result(p)
-    type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: weight(3)  !! density times gravity [N/m^3]
-    real(wp) :: p(node_count(grid))
-    integer(i4) :: a
-    p = [(hydrostatic_at(grid, weight, grid%lower + node_place(grid, a)*brick_edges(grid)), &
-          a=1, size(p))]
-  end function hydrostatic
-
-  !> The same at a point.
-  pure real(wp) function hydrostatic_at(grid, weight, x) result(p)
-    type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: weight(3), x(3)
-    p = dot_product(weight, x - merge(grid%lower, grid%upper, weight > 0.0_wp))
-  end function hydrostatic_at
 end module dem_pore_fields

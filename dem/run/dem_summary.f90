@@ -6,6 +6,7 @@ module dem_summary
   use talus_summary, only: summary_type
   use dem_state, only: kind_free
   use dem_histories, only: relative_closure
+  use dem_pore, only: mass_error
   use dem_rank_team, only: dem_rank_team_type
   use dem_run_state, only: dem_run_state_type, program_name
   implicit none
@@ -51,6 +52,8 @@ contains
       call summary%set('health.bonds_torn', run%system%pairs%additional%torn)
       call summary%set('health.bonds_sheared', run%system%pairs%additional%sheared)
     end if
+    if (run%pore%active) &
+      call summary%set('health.liquid_balance', mass_error(run%system%dem_data_type))
     if (run%equilibrium%watched) then
       call summary%set('health.equilibrium', run%equilibrium%reached)
       call summary%set('health.unbalanced_force', run%equilibrium%unbalanced)

@@ -957,7 +957,7 @@ contains
 
   subroutine group_pore_grid(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pore_grid', 13, &
+    call table%add_group('pore_grid', 14, &
       'A liquid that fills the pores between the grains of a box: its pressure stands ' &
       //'at the nodes of a grid of bricks, compression positive and over the hydrostatic ' &
       //'one. Grains feel its gradient and their buoyancy, and carry the liquid that ' &
@@ -1021,6 +1021,12 @@ contains
       'Exchanges from one count of the pores to the next.')
     call table%preset('50')
     call table%bounds(min=1.0_wp)
+    call table%add_key('cavitation', 'real', 'Pa', &
+      'Tension at which the liquid cavitates, that of its total pressure; what it lacks' &
+      //' there is filled first when the pores close again.')
+    call table%preset('100000.0')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
     call table%add_key('carried', 'logical', '', &
       'Grains carry the liquid around them in translation, as the pores are at the ' &
       //'start; without, it has no inertia. Not in &relaxation.')

@@ -15,10 +15,12 @@ program test_dem_pore_exchange
   implicit none
   type(test_type) :: test
   real(wp), parameter :: d = 1.0e-3_wp, edge = 8.0e-3_wp, dt = 1.0e-6_wp
+  real(wp), parameter :: limit = 1.0e5_wp  !! cavitation [Pa]
   integer(i4), parameter :: n = 400
 
   call check_cloud()
   call check_box()
+  call check_cavity()
   call check_drift()
   call check_restart()
   call test%finish()
@@ -104,7 +106,7 @@ contains
     integer(i4) :: k
     do k = 1, steps/4
       call end_exchange(s%dem_data_type, s%health%steps*dt)
-      call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, errors)
+      call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, limit, errors)
       if (errors%any()) return
       call s%step(4, errors)
     end do
@@ -140,7 +142,7 @@ contains
     call test%check_all_close('drag has no resultant', momentum/max_abs(s%pore%drag), 0.0_wp, &
                               1.0e-11_wp)
     call advance(s, 4, errors)
-    call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, errors)
+    call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, limit, errors)
     call s%step(2, errors)
     call s%refresh_ledger()
     call test%check_close('ledger within an exchange', s%closure()/scale, 0.0_wp, 1.0e-12_wp)
@@ -162,6 +164,30 @@ contains
     call test%check_close('ledger', s%closure()/s%ledger%liquid_flow, 0.0_wp, 1.0e-9_wp)
     call test%check('walls work on the liquid', s%ledger%liquid_flow > 0.0_wp)
   end subroutine check_box
+
+  !> A wall goes out and back: the liquid cavitates, lacks what is missing, is filled again.
+  subroutine check_cavity()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    call make_cloud(s, 0.0_wp, .false.)
+    s%par%damping = 1.0e5_wp
+    call s%init(errors)
+    s%planes%velocity(3, 6) = 0.05_wp
+    call advance(s, 80, errors)
+    call test%check_close('it cavitates', minval(s%pore%p)/limit, -1.0_wp, 1.0e-12_wp)
+    call test%check('and lacks more than the tension gives', &
+                    sum(s%pore%omega) < -2.0_wp*limit/2.2e9_wp*edge**3)
+    call test%check_close('all of it', sum(s%pore%omega)/(-0.05_wp*80.0_wp*dt*edge**2), 1.0_wp, &
+                          1.0e-9_wp)
+    s%planes%velocity(3, 6) = -0.05_wp
+    call advance(s, 80, errors)
+    s%planes%velocity(3, 6) = 0.0_wp
+    call advance(s, 400, errors)
+    call test%check_all_close('filled again', s%pore%p/limit, 0.0_wp, 1.0e-2_wp)
+    call test%check('no faults', .not. errors%any())
+    call s%refresh_ledger()
+    call test%check_close('ledger', s%closure()/s%ledger%liquid_flow, 0.0_wp, 1.0e-9_wp)
+  end subroutine check_cavity
 
   !> All grains drift alike without walls on the way: no pressure at all.
   subroutine check_drift()
@@ -189,7 +215,7 @@ contains
     call make_cloud(copy, 0.2_wp, .true.)
     call s%init(errors)
     call advance(s, 20, errors)
-    call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, errors)
+    call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, limit, errors)
     call s%step(2, errors)
     call s%refresh_ledger()
     call s%export_state(archive)

@@ -9,7 +9,7 @@ program test_dem_pore_operator
     place_in, stiffness, slopes, side_share, on_side
   use dem_pore_fit, only: make_fit, fit_fields
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
-  use dem_pore_solve, only: solve_pressure, apply
+  use dem_pore_solve, only: pore_equations_type, solve_pressure, apply
   implicit none
   type(test_type) :: test
   integer(i4), parameter :: n = 1500
@@ -244,26 +244,28 @@ contains
 
   !> Pressures solve their equations where they are free and are kept where they are held.
   subroutine check_solution()
-    real(wp) :: matrix(8, 8, brick_count(grid)), mobility(brick_count(grid))
-    real(wp), dimension(node_count(grid)) :: p, c, free, rhs, found
+    type(pore_equations_type) :: e
+    real(wp) :: mobility(brick_count(grid))
+    real(wp), dimension(node_count(grid)) :: p, free, found
     integer(i4) :: i, turns
     mobility = 1.0e-9_wp
-    call brick_matrices(grid, fit, mobility, 3.0e-6_wp, matrix)
-    c = 1.0e-17_wp
+    allocate (e%matrix(8, 8, brick_count(grid)))
+    call brick_matrices(grid, fit, mobility, 3.0e-6_wp, e%matrix)
+    e%storage = [(1.0e-17_wp, i=1, size(p))]
     free = 1.0_wp
     free(:12) = 0.0_wp
     p = 0.0_wp
     p(:12) = 50.0_wp
-    rhs = [(1.0e-13_wp*(some(i, 3) - 0.3_wp), i=1, size(p))]
-    call solve_pressure(grid, c, matrix, free, rhs, p, turns)
-    call apply(grid, c, matrix, p, found)
+    e%rhs = [(1.0e-13_wp*(some(i, 3) - 0.3_wp), i=1, size(p))]
+    call solve_pressure(grid, e, free, p, turns)
+    call apply(grid, e%storage, e%matrix, p, found)
     call test%check('it converges', turns > 0 .and. turns < 200)
-    call test%check_all_close('equations', free*found/max_abs(rhs), free*rhs/max_abs(rhs), &
+    call test%check_all_close('equations', free*found/max_abs(e%rhs), free*e%rhs/max_abs(e%rhs), &
                               1.0e-8_wp)
     call test%check_all_close('held pressures', p(:12), 50.0_wp, 0.0_wp)
-    rhs = 0.0_wp
+    e%rhs = 0.0_wp
     p(:12) = 0.0_wp
-    call solve_pressure(grid, c, matrix, free, rhs, p, turns)
+    call solve_pressure(grid, e, free, p, turns)
     call test%check_all_close('nothing for nothing', p, 0.0_wp, 0.0_wp)
   end subroutine check_solution
 
