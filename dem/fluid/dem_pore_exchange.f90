@@ -16,7 +16,8 @@ module dem_pore_exchange
   use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
   use dem_pore_hold, only: hold_nodes, add_sources, find_empty
-  use dem_pore_medium, only: count_pores, set_mobility, see_flow, drag_in
+  use dem_pore_drag, only: set_drag
+  use dem_pore_medium, only: count_pores, set_mobility, see_flow
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
@@ -221,52 +222,6 @@ contains
                         'somewhere, or take a liquid that is compressible')
     end associate
   end subroutine predict
-
-  !> Drag on grains that do not move with their brick's linear field, without resultant; bounded by
-  !! what stops them within the exchange. eq. D.40
-  subroutine set_drag(d, field)
-    type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: field(:, :, :)  !! (4, 3, bricks) of the grains' velocities
-    integer(i4) :: c
-    !$omp parallel do default(none) schedule(static) private(c) shared(d, field)
-    do c = 1, size(field, 3)
-      call drag_brick(d, c, -drag_rate(d, c), field(:, :, c))
-    end do
-    !$omp end parallel do
-  end subroutine set_drag
-
-  pure subroutine drag_brick(d, c, rate, field)
-    type(dem_data_type), intent(inout) :: d
-    integer(i4), intent(in) :: c
-    real(wp), intent(in) :: rate, field(4, 3)
-    integer(i4) :: k, i, j
-    associate (pore => d%pore, fit => d%pore%fit, v => d%grains%v)
-      do k = fit%start(c), fit%start(c + 1) - 1
-        i = fit%grain(k)
-        do j = 1, 3
-          pore%drag(j, i) = rate*fit%weight(k)*(v(j, i) - field(1, j) &
-                                                - dot_product(fit%local(:, k), field(2:, j)))
-        end do
-      end do
-    end associate
-  end subroutine drag_brick
-
-  !> Drag over volume and relative velocity in a brick [Pa s/m^2].
-  pure real(wp) function drag_rate(d, c) result(rate)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: c
-    real(wp), parameter :: clear = 0.01_wp
-    real(wp) :: lightest
-    integer(i4) :: k
-    associate (pore => d%pore, fit => d%pore%fit)
-      lightest = huge(1.0_wp)
-      do k = fit%start(c), fit%start(c + 1) - 1
-        lightest = min(lightest, d%grains%mass(fit%grain(k))/fit%weight(k))
-      end do
-      rate = drag_in(pore, c)/(pore%liquid%factor*max(1.0_wp - pore%porosity(c), clear))
-      rate = rate/(1.0_wp + rate*pore%span/lightest)
-    end associate
-  end function drag_rate
 
   !> Forces of the liquid to the free grains, with their buoyancy and without the weight of what
   !! they carry; the leapfrog's part of the energy follows, added up in runs of grains that do not

@@ -69,13 +69,13 @@ contains
     f = slow + 0.5_wp*(0.0673_wp + 0.212_wp*solid + 0.0232_wp/n**5)*re
   end function koch_hill
 
-  !> Di Felice (1994), whose force has that of the pressure gradient in it: with a force C_D rho
-  !! pi d^2/8 U^2 n^-chi a grain the gradient is that of the grains of a unit of volume.
+  !> Di Felice (1994): the force C_D rho pi d^2/8 U^2 n^-chi on a grain is drag without that of the
+  !! pressure gradient. Taken as both, gradients of dense beds would be a third of Ergun's.
   pure real(wp) function di_felice(n, re) result(f)
     real(wp), intent(in) :: n, re
     real(wp) :: coefficient, chi
     coefficient = (0.63_wp + 4.8_wp/sqrt(re))**2
     chi = 3.7_wp - 0.65_wp*exp(-0.5_wp*(1.5_wp - log10(re))**2)
-    f = coefficient*re/24.0_wp*n**(1.0_wp - chi)
+    f = coefficient*re/24.0_wp*n**(-chi)
   end function di_felice
 end module dem_pore_laws

@@ -1032,8 +1032,8 @@ contains
       //'start; without, it has no inertia. Not in &relaxation.')
     call table%preset('.true.')
     call table%add_key('fluctuation', 'logical', '', &
-      'Grains that do not move with their brick''s linear field of velocity feel a drag ' &
-      //'against it.')
+      'What grains do besides a continuous field of velocities, that of the bricks, is ' &
+      //'dragged.')
     call table%preset('.true.')
     call table%add_key('surface', 'string', '', &
       '`''free''`: bricks with hardly a grain at a side whose pressure is drained are ' &

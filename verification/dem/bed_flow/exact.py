@@ -30,7 +30,7 @@ def gradient(law: str, n: float, speed: float) -> float:
         return 18.0 * phi / n * viscous * (slow + 0.413 * re / 24.0 / n**2 * fast)
     chi = 3.7 - 0.65 * np.exp(-0.5 * (1.5 - np.log10(re)) ** 2)
     force = (0.63 + 4.8 / np.sqrt(re)) ** 2 * LIQUID * np.pi * D**2 / 8.0 * speed**2 * n**-chi
-    return phi * force / (np.pi / 6.0 * D**3)
+    return phi * force / (np.pi / 6.0 * D**3) / n  # drag without the pressure gradient's force
 
 
 def lattice(layers: int) -> np.ndarray:

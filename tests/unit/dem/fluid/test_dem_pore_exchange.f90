@@ -21,6 +21,7 @@ program test_dem_pore_exchange
   call check_cloud()
   call check_box()
   call check_cavity()
+  call check_strain()
   call check_drift()
   call check_restart()
   call test%finish()
@@ -141,6 +142,7 @@ contains
     end do
     call test%check_all_close('drag has no resultant', momentum/max_abs(s%pore%drag), 0.0_wp, &
                               1.0e-11_wp)
+    call test%check('drag is against the motion', sum(s%pore%drag*s%grains%v) < 0.0_wp)
     call advance(s, 4, errors)
     call begin_exchange(s%dem_data_type, s%health%steps*dt, 4.0_wp*dt, limit, errors)
     call s%step(2, errors)
@@ -188,6 +190,25 @@ contains
     call s%refresh_ledger()
     call test%check_close('ledger', s%closure()/s%ledger%liquid_flow, 0.0_wp, 1.0e-9_wp)
   end subroutine check_cavity
+
+  !> A uniform strain is not dragged.
+  subroutine check_strain()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    integer(i4) :: i
+    call make_cloud(s, 0.0_wp, .false.)
+    s%pore%wall = 0
+    s%pore%drain = drain_pressure
+    do i = 1, n
+      s%grains%v(:, i) = [2.0_wp, -3.0_wp, 1.0_wp]*s%grains%x([2, 2, 3], i)
+    end do
+    call s%init(errors)
+    call begin_exchange(s%dem_data_type, 0.0_wp, 4.0_wp*dt, limit, errors)
+    call test%check_all_close('no drag', s%pore%drag/1.0e-9_wp, 0.0_wp, 1.0e-6_wp)
+    s%grains%v(3, :) = s%grains%v(3, :) + s%grains%x(3, :)**2
+    call begin_exchange(s%dem_data_type, 0.0_wp, 4.0_wp*dt, limit, errors)
+    call test%check('but what bends is', max_abs(s%pore%drag) > 1.0e-12_wp)
+  end subroutine check_strain
 
   !> All grains drift alike without walls on the way: no pressure at all.
   subroutine check_drift()

@@ -22,7 +22,7 @@ program test_dem_pore_laws
 
 contains
 
-  !> Gradients by Kozeny and Carman, Ergun, Koch & Hill, Beetstra [Pa/m]; Di Felice's force [N].
+  !> Gradients by Kozeny and Carman, Ergun, Koch & Hill, Beetstra [Pa/m]; Di Felice's drag [N].
   subroutine check_row(n, u, wanted)
     real(wp), intent(in) :: n, u, wanted(5)
     character(len=13), parameter :: names(5) = [character(len=13) :: 'kozeny_carman', 'ergun', &
@@ -31,7 +31,7 @@ contains
     integer(i4) :: k
     do k = 1, 5
       found = drag_of(law_index(trim(names(k))), n, d, viscosity, density*u*d/viscosity)*u/n**2
-      if (k == 5) found = found*pi/6.0_wp*d**3/(1.0_wp - n)
+      if (k == 5) found = n*found*pi/6.0_wp*d**3/(1.0_wp - n)
       call test%check_close(trim(names(k)), found/wanted(k), 1.0_wp, 1.0e-9_wp)
     end do
   end subroutine check_row
