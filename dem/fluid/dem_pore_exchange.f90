@@ -33,7 +33,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time
     real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before
-    real(wp) :: span, power, stored, field(4, 3, brick_count(d%pore%grid))
+    real(wp) :: span, power, stored, work(2), field(4, 3, brick_count(d%pore%grid))
     integer(i4) :: a
 
     if (.not. d%pore%open) return
@@ -61,9 +61,10 @@ contains
         s(sum_inflow) = s(sum_inflow) + sum(inflow) + span*sum(source)
         s(sum_hull) = s(sum_hull) + sum(pore%p*hull)
         s(sum_flow) = s(sum_flow) + sum(pore%p*(inflow + span*source))
-        s(sum_work) = s(sum_work) - sum(pore%p*moved)
         s(sum_darcy) = s(sum_darcy) + span*power
-        s(sum_drag) = s(sum_drag) - drag_work(d)
+        work = force_work(d)
+        s(sum_work) = s(sum_work) + work(1)
+        s(sum_drag) = s(sum_drag) - work(2)
         s(sum_exchange) = s(sum_exchange) + sum(pore%p*(pore%omega - before)) &
                           - (stored - pore%stored)
         do a = 1, size(pore%hold)
@@ -77,18 +78,19 @@ contains
     end associate
   end subroutine end_exchange
 
-  !> Work of the drag within bricks since the exchange began [J].
-  real(wp) function drag_work(d) result(work)
+  !> Work of the forces -D'p and of the drag on all grains since the exchange began, by their ways:
+  !! the ledger closes if it is -p D dx [J].
+  function force_work(d) result(work)
     type(dem_data_type), intent(in) :: d
+    real(wp) :: work(2), way(3)
     integer(i4) :: i
     work = 0.0_wp
-    if (.not. d%pore%fluctuation) return
     do i = 1, d%grains%n
-      work = work + d%pore%drag(1, i)*(d%grains%x(1, i) - d%pore%start_x(1, i)) &
-             + d%pore%drag(2, i)*(d%grains%x(2, i) - d%pore%start_x(2, i)) &
-             + d%pore%drag(3, i)*(d%grains%x(3, i) - d%pore%start_x(3, i))
+      way = d%grains%x(:, i) - d%pore%start_x(:, i)
+      work(1) = work(1) + dot_product(d%pore%held(:, i), way)
+      work(2) = work(2) + dot_product(d%pore%drag(:, i), way)
     end do
-  end function drag_work
+  end function force_work
 
   !> The liquid's part of the ledger.
   subroutine book_liquid(d)

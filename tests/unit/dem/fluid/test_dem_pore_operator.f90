@@ -6,7 +6,7 @@ program test_dem_pore_operator
   use talus_vectors, only: cross
   use dem_pore_state, only: pore_grid_type, pore_fit_type
   use dem_pore_grid, only: brick_count, node_count, brick_edges, corners_of, node_place, brick_of, &
-    place_in, stiffness, slopes, side_share, on_side
+    place_in, stiffness, slopes, side_share, on_side, sign_of
   use dem_pore_fit, only: make_fit, fit_fields
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
   use dem_pore_solve, only: pore_equations_type, solve_pressure, apply
@@ -78,6 +78,9 @@ contains
     integer(i4) :: a
     g = slopes([1.0_wp, 2.0_wp, 3.0_wp])
     call test%check_all_close('slopes add up to nothing', sum(g, 3), 0.0_wp, 1.0e-14_wp)
+    do a = 1, 8
+      call test%check_all_close('slopes are integrals', g(:, :, a), integrated(a), 1.0e-14_wp)
+    end do
     l = stiffness([1.0_wp, 2.0_wp, 3.0_wp])
     call test%check_all_close('flows add up to nothing', sum(l, 1), 0.0_wp, 1.0e-14_wp)
     call test%check_close('flow along z', dot_product([0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp, 1.0_wp, &
@@ -89,6 +92,26 @@ contains
     end do
     call test%check_close('area of a side', area, size_of(1)*size_of(2), 1.0e-18_wp)
   end subroutine check_integrals
+
+  !> Integral of the derivatives of N_a times 1 and each coordinate, by Gauss' rule, over a brick of
+  !! 1 x 2 x 3.
+  pure function integrated(a) result(total)
+    integer(i4), intent(in) :: a
+    real(wp) :: total(4, 3), place(3), n(3), slope(3), factor(3)
+    real(wp), parameter :: edge(3) = [1.0_wp, 2.0_wp, 3.0_wp], at = 0.5_wp/sqrt(3.0_wp)
+    integer(i4) :: k, j
+    total = 0.0_wp
+    do k = 0, 7
+      place = at*merge(1.0_wp, -1.0_wp, [btest(k, 0), btest(k, 1), btest(k, 2)])
+      n = 0.5_wp + sign_of(:, a)*place
+      do j = 1, 3
+        factor = n
+        factor(j) = sign_of(j, a)/edge(j)
+        slope(j) = product(factor)
+        total(:, j) = total(:, j) + product(edge)/8.0_wp*slope(j)*[1.0_wp, place]
+      end do
+    end do
+  end function integrated
 
   !> Translation and rotation of grains and walls: each compresses nothing inside; with the flow
   !! over the sides nothing at all. (A side that turns has no velocity along its normal in common:
