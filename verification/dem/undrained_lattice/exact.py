@@ -6,6 +6,7 @@ from talus.packing import make_packing, write_h5
 from talus.verification import Case, read_history
 
 D, SIDE, FLUID, STRAIN = 1.0e-3, 4, 2.2e9, 1.0e-5
+SOLID, LIQUID, STIFFNESS, LAYERS, SQUEEZED = 2650.0, 1000.0, 1.0e5, 100, 0.9995
 POROSITY = 1.0 - np.pi / 6.0
 BULK = (1.0e7, 1.0e8, 5.0e8)  # of the skeleton, those of P18
 
@@ -46,9 +47,38 @@ def run(case: Case) -> None:
         stored = energy["elastic"][-1] + energy["liquid"][-1]
         exact = 0.5 * whole * (3.0 * STRAIN) ** 2 * (SIDE * D) ** 3
         case.below(f"{name}: energy stored, error", float(abs(stored / exact - 1.0)), 0.01)
+    wave(case)
     fig, axes = case.figure(figsize=(4.6, 3.4))
     axes.semilogx(BULK, wanted, label="1/(1 + n K/K_f)")
     axes.semilogx(BULK, found, "o", label="lattice")
     axes.set(xlabel="bulk modulus of the skeleton [Pa]", ylabel="B [-]")
     axes.legend(fontsize=8)
     case.save(fig)
+
+
+def wave(case: Case) -> None:
+    """Swing a sealed column in its first mode: minima of the kinetic energy are H/c apart."""
+    pitch = SQUEEZED * D
+    places = np.meshgrid(*(np.arange(n) for n in (SIDE, SIDE, LAYERS)), indexing="ij")
+    x = pitch * (np.stack(places, -1).reshape(-1, 3) + 0.5)
+    height = LAYERS * pitch
+    v = np.zeros_like(x)
+    v[:, 2] = 1.0e-3 * np.sin(np.pi * x[:, 2] / height)
+    write_h5(case.folder / "column.h5", make_packing(x, np.full((len(x), 3), 0.5 * D), v=v))
+    text = (case.folder / "wave.nml").read_text()
+    text = text.replace("EDGE", repr(SIDE * pitch)).replace("HEIGHT", repr(height))
+    (case.folder / "now.nml").write_text(text)
+    case.run("talus-dem", "now.nml", "--threads=1")
+    energy = read_history(case.folder / "now_energy.csv")
+    time, kinetic = energy["time"], energy["kinetic"]
+    low = [k for k in range(1, len(time) - 1) if kinetic[k] < min(kinetic[k - 1], kinetic[k + 1])]
+    least = []
+    for k in low[:2]:
+        a, b, c = kinetic[k - 1 : k + 2]
+        least.append(time[k] + 0.5 * (time[k + 1] - time[k]) * (a - c) / (a - 2.0 * b + c))
+    solid = np.pi / 6.0 / SQUEEZED**3
+    density = solid * SOLID + (1.0 - solid) * LIQUID
+    modulus = STIFFNESS / pitch + FLUID / (1.0 - solid)
+    speed = np.sqrt(modulus / density)
+    found = height / (least[1] - least[0]) if len(least) == 2 else np.inf
+    case.below("speed of the undrained wave, error", float(abs(found / speed - 1.0)), 0.01)
