@@ -22,6 +22,7 @@ module dem_pore
   public :: dem_pore_control_type, mass_error
 
   real(wp), parameter :: longest_exchange = 1.2_wp  !! over the stable step
+  real(wp), parameter :: loose = 1.5_wp  !! of that in a run, as the bound is on the safe side
   character(len=24), parameter :: columns(31) = [character(len=24) :: 'time [s]', &
     'least_pressure [Pa]', 'most_pressure [Pa]', 'pressure_x0 [Pa]', 'pressure_x1 [Pa]', &
     'pressure_y0 [Pa]', 'pressure_y1 [Pa]', 'pressure_z0 [Pa]', 'pressure_z1 [Pa]', &
@@ -41,6 +42,7 @@ module dem_pore
   contains
     procedure :: read => read_pore
     procedure :: check => check_exchange
+    procedure :: watch
     procedure :: fitting_block
     procedure :: due
     procedure :: exchange
@@ -100,6 +102,22 @@ contains
                     trim(merge('take exchange = '//str(max(allowed, 1))//', or a smaller step', &
                                'take a smaller step                ', allowed > 0)))
   end subroutine check_exchange
+
+  !> The same in a run, in which contacts may have become stiffer (N232).
+  subroutine watch(self, d, time, limit, errors)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    real(wp), intent(in) :: time   !! [s]
+    real(wp), intent(in) :: limit  !! stable step of the contacts [s]
+    type(error_list_type), intent(inout) :: errors
+    if (.not. self%active) return
+    if (d%pore%every*d%par%dt <= loose*longest_exchange*limit) return
+    call errors%add('N232', 'at '//short_number(time)//' s an exchange of '//str(d%pore%every)// &
+                    ' steps of '//short_number(d%par%dt)//' s has become longer than '// &
+                    short_number(loose*longest_exchange)//' times the stable step of the '// &
+                    'contacts, '//short_number(limit)//' s', 'group pore_grid', &
+                    'a smaller exchange, dt or dt_factor')
+  end subroutine watch
 
   !> Steps in a block of which a whole number is an exchange, and the block that others want.
   pure integer(i4) function fitting_block(self, d, block) result(steps)

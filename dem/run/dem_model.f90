@@ -30,7 +30,7 @@ module dem_model
     procedure :: run, finish
     procedure :: take_steps
     procedure :: load_surface
-    procedure, private :: judge_rest, take_probes
+    procedure, private :: judge_rest, take_probes, review_step, meet_liquid
   end type dem_model_type
 
 contains
@@ -58,16 +58,10 @@ contains
       if (self%stop%checkpoint_asked() .or. self%checkpoint%due(self%clock%time()) &
           .or. self%clock%due(event_checkpoint)) call self%save_checkpoint('', errors)
       if (errors%any()) return  ! ranks must not step with a fault that the first alone has
-      if (self%clock%review_due()) then
-        call self%clock%review(self%automatic_dt(), self%system%step_limit())
-        if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
-      end if
-      if (self%pore%due(self%system%dem_data_type, self%clock%steps)) then
-        call self%timers%start('liquid')
-        call self%pore%exchange(self%system%dem_data_type, self%clock%time(), errors)
-        call self%timers%stop('liquid')
-        if (errors%any()) return
-      end if
+      if (self%clock%review_due()) call self%review_step(errors)
+      if (errors%any()) return
+      call self%meet_liquid(errors)
+      if (errors%any()) return
       call self%take_steps(block, errors)
       if (errors%any()) return
       if (self%servo%due(self%clock%steps) .and. self%needs_whole()) call self%system%gather()
@@ -95,6 +89,26 @@ contains
       call self%write_due(errors)
     end do
   end subroutine run
+
+  !> The step follows its limits.
+  subroutine review_step(self, errors)
+    class(dem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%clock%review(self%automatic_dt(), self%system%step_limit())
+    if (abs(self%clock%dt - self%system%par%dt) > 0.0_wp) call self%use_step(self%clock%dt)
+    if (self%pore%active) call self%pore%watch(self%system%dem_data_type, self%clock%time(), &
+                                               self%system%step_limit(), errors)
+  end subroutine review_step
+
+  !> The exchange of grains and liquid that is due.
+  subroutine meet_liquid(self, errors)
+    class(dem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (.not. self%pore%due(self%system%dem_data_type, self%clock%steps)) return
+    call self%timers%start('liquid')
+    call self%pore%exchange(self%system%dem_data_type, self%clock%time(), errors)
+    call self%timers%stop('liquid')
+  end subroutine meet_liquid
 
   !> Have the grains come to rest, and do all servos hold their stresses?
   subroutine judge_rest(self)
