@@ -14,7 +14,8 @@ module dem_pore
   use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
     sum_drag, sum_exchange, sum_seepage
   use dem_pore_exchange, only: begin_exchange, end_exchange
-  use dem_pore_grid, only: brick_edges, node_count, on_side, side_share
+  use dem_pore_grid, only: brick_edges
+  use dem_pore_side, only: side_mean
   use dem_pore_operator, only: storage
   use dem_pore_start, only: begin_pore, carry_liquid
   implicit none
@@ -220,7 +221,7 @@ contains
     if (.not. self%history%is_open()) return
     associate (pore => d%pore, s => d%pore%sums)
       call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
-      side = [(side_mean(d, k), k=1, 6)]
+      side = [(side_mean(d%pore, k), k=1, 6)]
       rest = hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale*d%par%gravity)
       call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &
         s(sum_inflow), s(sum_swept), mass_error(d), s(sum_seepage + 1:sum_seepage + 6), &
@@ -230,22 +231,4 @@ contains
         real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp)], errors)
     end associate
   end subroutine write_row
-
-  !> Mean pressure over a side [Pa].
-  pure real(wp) function side_mean(d, side) result(mean)
-    type(dem_data_type), intent(in) :: d
-    integer(i4), intent(in) :: side
-    integer(i4) :: a, axis
-    real(wp) :: area, share
-    axis = (side + 1)/2
-    mean = 0.0_wp
-    area = 0.0_wp
-    do a = 1, node_count(d%pore%grid)
-      if (.not. on_side(d%pore%grid, a, 2 - modulo(side, 2), axis)) cycle
-      share = side_share(d%pore%grid, a, axis)
-      mean = mean + share*d%pore%p(a)
-      area = area + share
-    end do
-    mean = mean/area
-  end function side_mean
 end module dem_pore

@@ -33,10 +33,15 @@ contains
     character(len=12), parameter :: others(12) = [character(len=12) :: 'cell', 'surface', &
       'penetrometer', 'cylinder', 'membrane', 'body', 'source', 'sink', 'window', 'breakage', &
       'probe', 'tile']
-    logical :: carried
+    logical :: carried, total
     integer(i4) :: k
 
     if (deck%count('pore_grid') == 0) then
+      do k = 1, deck%count('servo')
+        call deck%get('servo', k, 'total', total)
+        if (total) call deck%fault(errors, 'D364', 'there is no liquid whose pressure would '// &
+                                   'count', 'servo', k, 'total', 'leave it out, or add &pore_grid')
+      end do
       if (deck%count('fluid') + deck%count('drain') > 0) call deck%fault(errors, 'D364', &
         'there is no &pore_grid for it', trim(merge('fluid', 'drain', deck%count('fluid') > 0)), &
         1, '', 'add &pore_grid, or leave it out')
@@ -162,6 +167,7 @@ contains
       call check_bricks(deck, grid, largest, errors)
       if (errors%any()) return
       call find_walls(deck, d, errors)
+      call check_servos(deck, d, errors)
     end associate
   end subroutine read_grid
 
@@ -205,6 +211,28 @@ contains
       end associate
     end do
   end subroutine find_walls
+
+  !> Servos of total stress are those of walls on sides (D367).
+  subroutine check_servos(deck, d, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name, wall
+    logical :: total
+    integer(i4) :: k, j
+    do k = 1, deck%count('servo')
+      call deck%get('servo', k, 'total', total)
+      if (.not. total) cycle
+      call deck%get('servo', k, 'wall', name)
+      do j = 1, deck%count('wall')
+        call deck%get('wall', j, 'id', wall)
+        if (wall /= name .or. any(d%pore%wall == j)) cycle
+        call deck%fault(errors, 'D367', "wall '"//name//"' stands on no side of the grid: no "// &
+                        'liquid presses it', 'servo', k, 'total', 'leave it out, or give the '// &
+                        'grid the side of the wall')
+      end do
+    end do
+  end subroutine check_servos
 
   !> All grains in the grid (D372), grains in all bricks of the bed (D371).
   subroutine check_start(deck, d, errors)

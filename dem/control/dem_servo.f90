@@ -17,6 +17,7 @@ module dem_servo
   use talus_history, only: history_type
   use talus_log, only: short_number
   use dem_state, only: dem_data_type, seen_size => servo_seen_size
+  use dem_pore_side, only: wall_pressure, wall_stiffness
   use dem_servo_law, only: servo_law_type, servo_view_type, check_interval
   use dem_surface_servo, only: surface_servo_type
   use dem_volume, only: constant_volume_type
@@ -32,6 +33,7 @@ module dem_servo
     integer(i4) :: wall = 0            !! plane
     real(wp) :: stress = 0.0_wp        !! target, pressure is positive [Pa]
     real(wp) :: area = 0.0_wp          !! [m^2]; 0: measured
+    logical :: total = .false.         !! of grains and liquid together
     real(wp) :: until = 0.0_wp         !! from then on the wall has its own velocity [s]
   end type servo_wall_type
 
@@ -114,6 +116,7 @@ contains
     call deck%get('servo', k, 'speed', servo%speed)
     call deck%get('servo', k, 'gain', servo%gain)
     call deck%get('servo', k, 'tolerance', servo%tolerance)
+    call deck%get('servo', k, 'total', servo%total)
     servo%until = huge(1.0_wp)
     if (deck%given('servo', k, 'until')) call deck%get('servo', k, 'until', servo%until)
     call curve_index(deck, 'D250', self%curve, 'servo', k, servo%curve, errors)
@@ -244,7 +247,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time, ahead   !! now, and to the next update [s]
     real(wp), intent(in) :: stiffness(:)  !! of the contacts of each plane [N/m]
-    real(wp) :: force(3), area, velocity
+    real(wp) :: force(3), area, velocity, stiff
 
     associate (servo => self%servo(k), p => d%planes, seen => d%servo_seen(:, self%servo(k)%wall))
       force = p%force(:, servo%wall)
@@ -254,10 +257,15 @@ contains
       seen(:3) = p%impulse(:, servo%wall)
       seen(4) = time
       seen(5) = -dot_product(force, p%normal(:, servo%wall))/area
+      stiff = stiffness(servo%wall)
+      if (servo%total) then
+        seen(5) = seen(5) + wall_pressure(d%pore, servo%wall)
+        stiff = stiff + wall_stiffness(d%pore, servo%wall, area)
+      end if
       seen(6) = servo%stress
       if (servo%curve > 0) seen(6) = servo%stress*self%curve(servo%curve)%at(time)
-      call servo%respond(servo_view_type(seen(6) - seen(5), area, stiffness(servo%wall), ahead, &
-                                         servo%speed), seen(7), velocity)
+      call servo%respond(servo_view_type(seen(6) - seen(5), area, stiff, ahead, servo%speed), &
+                         seen(7), velocity)
       p%velocity(:, servo%wall) = velocity*p%normal(:, servo%wall)
     end associate
   end subroutine set_servo

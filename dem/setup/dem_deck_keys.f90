@@ -810,7 +810,7 @@ contains
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('servo', 11, &
+    call table%add_group('servo', 12, &
       'A wall that moves along its normal so that the grains press on it with a given ' &
       //'stress, or a surface that pushes the grains along a direction with a given ' &
       //'force. Every 10 steps its velocity is gain times the missing force, over the ' &
@@ -872,6 +872,11 @@ contains
     call table%preset('0.05')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%add_key('total', 'logical', '', &
+      'The mean pressure of the liquid of a `&pore_grid` on the wall counts, too: the ' &
+      //'servo holds the total stress, not the effective one.')
+    call table%preset('.false.')
+    call table%needs('wall')
     call table%add_key('until', 'real', 's', &
       'Time from which on the wall moves with its own velocity and curve; left out, the' &
       //' servo works to the end.')

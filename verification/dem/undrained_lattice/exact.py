@@ -48,6 +48,7 @@ def run(case: Case) -> None:
         exact = 0.5 * whole * (3.0 * STRAIN) ** 2 * (SIDE * D) ** 3
         case.below(f"{name}: energy stored, error", float(abs(stored / exact - 1.0)), 0.01)
     wave(case)
+    hold(case)
     fig, axes = case.figure(figsize=(4.6, 3.4))
     axes.semilogx(BULK, wanted, label="1/(1 + n K/K_f)")
     axes.semilogx(BULK, found, "o", label="lattice")
@@ -82,3 +83,16 @@ def wave(case: Case) -> None:
     speed = np.sqrt(modulus / density)
     found = height / (least[1] - least[0]) if len(least) == 2 else np.inf
     case.below("speed of the undrained wave, error", float(abs(found / speed - 1.0)), 0.01)
+
+
+def hold(case: Case) -> None:
+    """Hold a total stress on the top: grains and liquid share it by their moduli."""
+    case.run("talus-dem", "servo.nml", "--threads=1")
+    servo = read_history(case.folder / "servo_servos.csv")["stress"][-1]
+    case.below("total stress that the servo holds, error", float(abs(servo / 1.0e5 - 1.0)), 1e-3)
+    pressure = read_history(case.folder / "servo_pore.csv")["pressure_z1"][-1]
+    walls = read_history(case.folder / "servo_walls.csv")
+    force = walls["force_z"][walls["wall"] == 6][-1]
+    share = pressure / (pressure + force / (SIDE * D) ** 2)
+    exact = FLUID / POROSITY / (3.0e8 + FLUID / POROSITY)
+    case.below("liquid's share of it, error", float(abs(share / exact - 1.0)), 0.005, "P18")
