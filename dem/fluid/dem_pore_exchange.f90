@@ -15,7 +15,7 @@ module dem_pore_exchange
     sum_drag, sum_exchange, sum_seepage
   use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
-  use dem_pore_hold, only: hold_nodes, add_sources, find_empty
+  use dem_pore_hold, only: hold_nodes, hold_pressures, add_sources, find_empty
   use dem_pore_drag, only: set_drag
   use dem_pore_medium, only: count_pores, set_mobility, see_flow
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
@@ -153,7 +153,7 @@ contains
     end associate
   end subroutine fit_here
 
-  !> Pores as they are now (N229).
+  !> Pores, and the nodes that are held, as they are now (N229).
   subroutine renew_pores(d, time, errors)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
@@ -161,6 +161,7 @@ contains
     real(wp) :: reach(3, d%grains%n)
     call boxes_of(d%grains, reach)
     call count_pores(d%pore, d%grains%x, reach)
+    call hold_nodes(d%pore)
     call check_pores(d, time, errors)
   end subroutine renew_pores
 
@@ -174,11 +175,12 @@ contains
 
     associate (pore => d%pore)
       call follow_walls(d)
+      call hold_pressures(pore)
       if (modulo(pore%exchanges, int(pore%refresh, i8)) == 0) call renew_pores(d, time, errors)
       call set_mobility(pore)
       pore%start_x = d%grains%x
       call fit_here(d)
-      call hold_nodes(pore)
+      if (find_empty(pore) > 0) call renew_pores(d, time, errors)  ! a bed sinks out of its brick
       call check_bricks(d, time, errors)
       if (errors%any()) return
       pore%since = time

@@ -5,7 +5,7 @@ module dem_pore_hold
   use dem_pore_grid, only: brick_count, node_count, corners_of, place_in, on_side, side_share
   implicit none
   private
-  public :: hold_nodes, add_sources, side_of, find_empty
+  public :: hold_nodes, hold_pressures, add_sources, find_empty
 
   real(wp), parameter :: open_share = 0.15_wp  !! solid fraction below which a brick is open water
 
@@ -17,34 +17,41 @@ contains
     side_of = end + 2*(axis - 1)
   end function side_of
 
-  !> Sides first, then bricks that hold hardly a grain and are joined to a drained side by others
-  !! alike: their corners have its pressure.
+  !> Nodes that are held, as the pores are now: sides first, then bricks that hold hardly a grain
+  !! and are joined to a drained side by others alike, whose corners have its pressure.
   subroutine hold_nodes(pore)
     type(dem_pore_type), intent(inout) :: pore
     integer(i4), allocatable :: still(:)
     integer(i4) :: a, c, end, axis, node(8)
 
     pore%hold = 0
-    pore%hold_p = 0.0_wp
     do axis = 1, 3
       do end = 1, 2
         if (pore%drain(end, axis) /= drain_pressure) cycle
         do a = 1, node_count(pore%grid)
-          if (.not. on_side(pore%grid, a, end, axis)) cycle
-          pore%hold(a) = side_of(end, axis)
-          pore%hold_p(a) = pore%drain_value(end, axis)
+          if (on_side(pore%grid, a, end, axis)) pore%hold(a) = side_of(end, axis)
         end do
       end do
     end do
-    if (.not. pore%free_surface) return
-    call find_still(pore, still)
-    do c = 1, size(still)
-      if (still(c) == 0) cycle
-      node = corners_of(pore%grid, c)
-      pore%hold(node) = still(c)
-      pore%hold_p(node) = pore%drain_value(2 - modulo(still(c), 2), (still(c) + 1)/2)
-    end do
+    if (pore%free_surface) then
+      call find_still(pore, still)
+      do c = 1, size(still)
+        if (still(c) == 0) cycle
+        node = corners_of(pore%grid, c)
+        pore%hold(node) = still(c)
+      end do
+    end if
+    call hold_pressures(pore)
   end subroutine hold_nodes
+
+  !> Pressures of the drains to the nodes that they hold.
+  subroutine hold_pressures(pore)
+    type(dem_pore_type), intent(inout) :: pore
+    real(wp) :: value(0:6)
+    value(0) = 0.0_wp
+    value(1:) = reshape(pore%drain_value, [6])
+    pore%hold_p = value(pore%hold)
+  end subroutine hold_pressures
 
   !> Side whose still water each brick is of, 0: none.
   subroutine find_still(pore, still)
