@@ -9,7 +9,7 @@ module fem_matter
   use fem_mm_element, only: mm_response_type
   use fem_points, only: fem_points_type, fem_work_type
   use fem_points_tangent, only: assemble_tangent, point_tangent
-  use fem_points_trial, only: work_elements
+  use fem_points_trial, only: work_elements, has_plain_stress, stress_forces
   use fem_recover, only: point_weights
   use fem_sparse, only: fem_pattern_type
   use fem_types, only: fem_mesh_type
@@ -22,6 +22,7 @@ module fem_matter
     procedure :: prepare
     procedure :: update
     procedure :: update_some
+    procedure :: held_force
     procedure :: stiffen
     procedure :: assemble
     procedure :: element_tangent
@@ -87,12 +88,37 @@ contains
     bad = self%bad
     call agree_on_bad(self, elastic, bad)
     self%bad = bad
+    call sum_nodal(self, dofs, force)
+  end subroutine update
+
+  !> Sum of the nodal forces of all elements and ranks.
+  subroutine sum_nodal(self, dofs, force)
+    class(fem_matter_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    real(wp), intent(out) :: force(:, :)  !! (3, blocks) [N]
+    integer(i4) :: k
     force = 0.0_wp
     do k = 1, size(dofs%block)
       force(:, dofs%block(k)) = force(:, dofs%block(k)) + self%nodal(:, k)
     end do
     call dofs%halo%sum_up(force)
-  end subroutine update
+  end subroutine sum_nodal
+
+  !> Internal forces of the accepted state, as it was updated; it is the trial state then. `found`
+  !! is false where only an update gives them: micropolar, micromorphic and finite laws.
+  subroutine held_force(self, dofs, elastic, force, found)
+    class(fem_matter_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(out) :: force(:, :)  !! (3, blocks) [N]
+    logical, intent(out) :: found
+    found = has_plain_stress(self)
+    force = 0.0_wp
+    if (.not. found) return
+    call self%reject()
+    call stress_forces(self, dofs, elastic)
+    call sum_nodal(self, dofs, force)
+  end subroutine held_force
 
   !> Of the ranks that have a bad point the one with the first element names it, for the others it
   !! is -1.

@@ -19,7 +19,7 @@ module fem_points_trial
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: work_elements
+  public :: work_elements, has_plain_stress, stress_forces
 
   integer(i4), parameter :: chunks = 64
 
@@ -138,7 +138,7 @@ contains
     integer(i4), intent(out) :: bad
     bad = 0
     associate (e => work%element)
-      if (elastic%is_absent(e)) then
+      if (elastic%is_absent(e) .or. is_weightless(self, elastic, e)) then
         self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = 0.0_wp
       else if (self%law(self%law_of(e))%law%finite) then
         call deform_element(self, dofs, elastic, geometry%shape, work, bad)
@@ -150,6 +150,15 @@ contains
     end associate
   end subroutine work_element
 
+  !> Has a partner taken all weight from element e? It keeps its state then.
+  pure logical function is_weightless(self, elastic, e)
+    class(fem_points_type), intent(in) :: self
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    is_weightless = .not. any(abs(self%weight(elastic%point(e): &
+      elastic%point(e + 1) - 1)) > 0.0_wp)
+  end function is_weightless
+
   subroutine update_element(self, dofs, elastic, moved, geometry, e, bad)
     class(fem_points_type), intent(inout) :: self
     type(fem_dofs_type), intent(in) :: dofs
@@ -159,7 +168,7 @@ contains
     integer(i4), intent(in) :: e
     integer(i4), intent(out) :: bad
     real(wp), dimension(3, elastic%rule(elastic%rule_of(e))%nodes) :: d, f
-    real(wp) :: strain(6), stress(6), push(6), pressure
+    real(wp) :: strain(6), stress(6)
     logical :: good, wide
     integer(i4) :: q, p, n
     bad = 0
@@ -187,17 +196,74 @@ contains
         else
           self%stress(:, p) = stress
         end if
-        push = self%weight(p)*stress
-        if (rule%bbar) then
-          pressure = sum(push(:3))/3.0_wp
-          push(:3) = push(:3) - pressure
-          f = f + pressure*geometry%volume(:, :, q)
-        end if
-        call add_force(geometry%shape%u(:, :, q), push, f)
+        call add_stress(geometry, rule%bbar, q, self%weight(p)*stress, f)
       end do
       self%nodal(:, first:last) = f
     end associate
   end subroutine update_element
+
+  !> Nodal forces of a stress times the weight of its point q.
+  pure subroutine add_stress(geometry, bbar, q, given, f)
+    type(fem_geometry_type), intent(in) :: geometry
+    logical, intent(in) :: bbar
+    integer(i4), intent(in) :: q
+    real(wp), intent(in) :: given(6)              !! [N m]
+    real(wp), intent(inout), contiguous :: f(:, :)  !! (3, nodes) [N]
+    real(wp) :: push(6), pressure
+    push = given
+    if (bbar) then
+      pressure = sum(push(:3))/3.0_wp
+      push(:3) = push(:3) - pressure
+      f = f + pressure*geometry%volume(:, :, q)
+    end if
+    call add_force(geometry%shape%u(:, :, q), push, f)
+  end subroutine add_stress
+
+  !> Do the accepted stresses of all points give the forces, by geometry that is kept?
+  pure logical function has_plain_stress(self) result(plain)
+    class(fem_points_type), intent(in) :: self
+    integer(i4) :: k
+    plain = allocated(self%geometry) .and. .not. (self%micro%active .or. self%finite) &
+            .and. size(self%stress, 1) == 6
+    if (.not. plain) return
+    do k = 1, size(self%law)
+      plain = plain .and. .not. self%law(k)%law%polar
+    end do
+  end function has_plain_stress
+
+  !> Forces of the accepted stresses, without a law: those of the update that was accepted, to
+  !! rounding.
+  subroutine stress_forces(self, dofs, elastic)
+    class(fem_points_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4) :: e
+    !$omp parallel do default(none) shared(self, dofs, elastic) private(e)
+    do e = 1, size(self%geometry)
+      call stress_force(self, dofs, elastic, self%geometry(e), e)
+    end do
+    !$omp end parallel do
+  end subroutine stress_forces
+
+  subroutine stress_force(self, dofs, elastic, geometry, e)
+    class(fem_points_type), intent(inout) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_geometry_type), intent(in) :: geometry
+    integer(i4), intent(in) :: e
+    real(wp) :: f(3, elastic%rule(elastic%rule_of(e))%nodes)
+    integer(i4) :: q, p
+    f = 0.0_wp
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      if (.not. (elastic%is_absent(e) .or. is_weightless(self, elastic, e))) then
+        do q = 1, rule%at%n
+          p = elastic%point(e) + q - 1
+          call add_stress(geometry, rule%bbar, q, self%weight(p)*self%accepted_stress(:, p), f)
+        end do
+      end if
+    end associate
+    self%nodal(:, dofs%start(e):dofs%start(e + 1) - 1) = f
+  end subroutine stress_force
 
   !> Sum of products, component by component.
   pure real(wp) function product_sum(a, b)

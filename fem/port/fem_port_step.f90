@@ -287,7 +287,7 @@ contains
       body%state%external = external
       body%state%time = request%t1
       if (brief) return
-      if (drift > 0.0_wp .or. body%matter%active) call body%trial_force(body%state%u, internal)
+      if (drift > 0.0_wp) call body%trial_force(body%state%u, internal)
       call explicit_energy(body, internal)
       call body%matter_fault(errors)
       if (errors%any()) return

@@ -203,14 +203,20 @@ contains
   end subroutine put_forces
 
   !> Inner forces of the body at its displacements. A partner that kicks at the end of an interval
-  !! and again at the start of the next requests them twice. Laws with a state are not cached, and
-  !! bodies in several ranks.
+  !! and again at the start of the next requests them twice. Of laws with a state that start has the
+  !! accepted stresses; bodies in several ranks are not cached.
   subroutine whole_force(self, body, f)
     class(fem_sets_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(out) :: f(:, :)
+    logical :: found
     if (body%matter%active .or. body%dofs%halo%several()) then
-      call body%trial_force(body%state%u, f)
+      found = .false.
+      if (body%matter%active .and. .not. body%pore%active .and. body%supports%ground%n == 0) then
+        if (all(abs(body%state%u - body%accepted%u) <= 0.0_wp)) &
+          call body%matter%held_force(body%dofs, body%elastic, f, found)
+      end if
+      if (.not. found) call body%trial_force(body%state%u, f)
       return
     end if
     if (allocated(self%known_u)) then

@@ -206,5 +206,31 @@ contains
     call test%check(rule//': stiffness of kept geometry', max_abs(body%system%k(:, 1, :) &
                                                                   - k(:, 1, :)) <= 0.0_wp)
     call test%check(rule//': places count', max_abs(force - old) > 0.01_wp*max_abs(old))
+    call check_held(rule, body, u)
   end subroutine check_geometry
+
+  !> Accepted stresses give the forces of the update that was accepted, also after others were
+  !! tried.
+  subroutine check_held(rule, body, u)
+    character(len=*), intent(in) :: rule
+    type(fem_body_type), intent(inout) :: body
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks) [m]
+    real(wp), dimension(3, size(u, 2)) :: force, other, wanted
+    real(wp), allocatable :: stress(:, :)
+    integer(i4) :: bad
+    logical :: found
+    call body%matter%held_force(body%dofs, body%elastic, force, found)
+    call test%check(rule//': no forces of stresses without geometry', .not. found)
+    call body%assemble()
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, u, wanted, bad)
+    call body%matter%accept()
+    stress = body%matter%stress
+    call body%matter%update(body%mesh, body%dofs, body%elastic, u, 2.0_wp*u, other, bad)
+    call body%matter%held_force(body%dofs, body%elastic, force, found)
+    call test%check(rule//': forces of the accepted stresses', found &
+                    .and. max_abs(force - wanted) <= 1.0e-14_wp*max_abs(wanted))
+    call test%check(rule//': others count', max_abs(other - wanted) > 0.01_wp*max_abs(wanted))
+    call test%check(rule//': the trial is put back', &
+                    max_abs(body%matter%stress - stress) <= 0.0_wp)
+  end subroutine check_held
 end program test_fem_matter
