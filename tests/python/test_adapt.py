@@ -201,4 +201,5 @@ def test_a_bed_that_flies_keeps_its_momentum(contacts: str, tmp_path: Path) -> N
     assert rows["momentum"].max() < 1e-11 * 128 * mass
     assert np.abs(rows["kinetic"]).max() < 1e-11 * 64 * mass
     audit = read_history(tmp_path / "coupled_audit.csv")
+    assert audit["momentum_z"][0] == pytest.approx(128 * mass, rel=1e-9)  # at 1 m/s
     assert np.ptp(audit["momentum_z"]) < 1e-9 * 128 * mass
