@@ -85,7 +85,7 @@ def draw_forces(curves: dict, places: list[str]) -> None:
 
 
 def draw_beds(place: str) -> None:
-    """Draw a slice through the axis of the cone at the end: how far grains have gone."""
+    """Draw a slice through the axis of the cone at the end: how fast grains move."""
     fig, axes = plt.subplots(ncols=2, figsize=(12.0, 4.2), sharey=True, layout="constrained")
     x, y = PLAN.places[place]
     for ax, name in zip(axes, ("whole", "wide"), strict=True):

@@ -37,7 +37,7 @@ def force_of(stem: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def draw_slice(ax: Axes, stem: str, title: str) -> None:
-    """Draw grains near the plane through the axis, coloured by how far they have gone."""
+    """Draw grains near the plane through the axis, coloured by their speed; ghosts are grey."""
     steps = field_steps(Path(f"{stem}.h5"))
     g, (x, y) = steps[-1].grains, PLAN.places[PLACE]
     near = np.abs(g["x"][:, 1] - y) < 3e-3
