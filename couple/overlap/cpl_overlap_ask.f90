@@ -15,8 +15,9 @@ module cpl_overlap_ask
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid, sides
   implicit none
   private
-  public :: kick_type, send_kick, read_free, send_bulk, read_bulk, evaluate_bulk, ask_solid, &
-    ask_grains, take_forces, put_nodes, read_nodes, send_accept, accept_both
+  public :: kick_type, answers_type, send_kick, read_free, send_bulk, read_bulk
+  public :: evaluate_bulk, ask_solid, ask_grains, take_forces, put_nodes, read_nodes
+  public :: send_accept, accept_both
 
   character(len=*), parameter :: messages = 'exchange'  !! timer of what goes into and out of them
 
@@ -25,6 +26,14 @@ module cpl_overlap_ask
     real(wp) :: kick = 0.0_wp, drift = 0.0_wp  !! durations [s]
     real(wp) :: t0 = 0.0_wp, t1 = 0.0_wp       !! interval [s]
   end type kick_type
+
+  !> What is awaited where forces are taken, and what is asked for next.
+  type :: answers_type
+    logical :: between = .false.         !! forces of ghosts on ghosts are asked for next
+    logical :: elements = .true.         !! the solid was asked for forces of elements
+    logical :: ends = .false.            !! the solid's last kick of an exchange is asked for next
+    real(wp) :: end_kick = 0.0_wp        !! its length [s]
+  end type answers_type
 
 contains
 
@@ -263,41 +272,40 @@ contains
     call grains%send(timers, errors)
   end subroutine ask_grains
 
-  !> Wait for the forces that both were asked for, and transfer them to what is free; between: those
-  !! of ghosts on ghosts are asked for next and evaluated meanwhile. With end_kick the solid begins
-  !! its last kick of an exchange as soon as its forces are there.
-  subroutine take_forces(o, solvers, between, t, timers, errors, end_kick)
+  !> Wait for the forces that were asked for, and transfer them to what is free. Those of ghosts on
+  !! ghosts are evaluated meanwhile; the solid begins its last kick of an exchange as soon as its
+  !! forces are there.
+  subroutine take_forces(o, solvers, answers, t, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    logical, intent(in) :: between
+    type(answers_type), intent(in) :: answers
     real(wp), intent(in) :: t  !! s
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp), intent(in), optional :: end_kick  !! s
     associate (grains => solvers(side_grains), solid => solvers(side_solid))
-      if (between) then
+      if (answers%between) then
         call timers%start(messages)
         call grains%start_request(verb_force, o%step, t, t)
         call put_between(o, grains%request)
         call timers%stop(messages)
       end if
       if (.not. errors%any()) call grains%receive(timers, errors)
-      if (between .and. .not. errors%any()) call grains%send(timers, errors)
-      if (.not. errors%any()) call solid%receive(timers, errors)
+      if (answers%between .and. .not. errors%any()) call grains%send(timers, errors)
+      if (answers%elements .and. .not. errors%any()) call solid%receive(timers, errors)
       if (errors%any()) return
-      if (present(end_kick)) &
-        call send_bulk(o, solid, kick_type(end_kick, 0.0_wp, t, t), timers, errors)
+      if (answers%ends) &
+        call send_bulk(o, solid, kick_type(answers%end_kick, 0.0_wp, t, t), timers, errors)
       call timers%start(messages)
       call read_forces(o, grains, errors)
-      call read_nodes(o, solid, field_force, field_moment, o%forces%element, &
-        o%forces%element_phi, errors)
+      if (answers%elements) call read_nodes(o, solid, field_force, field_moment, &
+        o%forces%element, o%forces%element_phi, errors)
       call timers%stop(messages)
       if (errors%any()) return
       call timers%start('pull-backs')
       call o%pull()
       call o%resist()
       call timers%stop('pull-backs')
-      if (.not. between) return
+      if (.not. answers%between) return
       call grains%receive(timers, errors)
       if (.not. errors%any()) call read_between(o, grains, errors)
       if (errors%any()) return

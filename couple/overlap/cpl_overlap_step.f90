@@ -12,8 +12,8 @@ module cpl_overlap_step
   use talus_timers, only: timers_type
   use cpl_audit_file, only: audit_file_type
   use cpl_overlap, only: overlap_type
-  use cpl_overlap_ask, only: kick_type, send_kick, read_free, send_bulk, read_bulk, ask_solid, &
-    ask_grains, take_forces, send_accept
+  use cpl_overlap_ask, only: kick_type, answers_type, send_kick, read_free, send_bulk, read_bulk, &
+    ask_solid, ask_grains, take_forces, send_accept
   use cpl_overlap_loads, only: renew_loads
   use cpl_overlap_motion, only: increment_type
   use cpl_overlap_parts, only: remember_start, follow_active, follow_all, work_of_parts, &
@@ -31,6 +31,8 @@ module cpl_overlap_step
     real(wp) :: now = 0.0_wp                       !! end of the step [s]
     logical :: first = .false., last = .false.     !! of the exchange
     logical :: due = .false.                       !! its works are yet to be noted
+    logical :: drifts = .false.                    !! the solid may still be busy with its drift
+    logical :: asked = .false.                     !! the solid was asked for forces
     type(increment_type) :: increment
   end type step_type
 
@@ -92,6 +94,7 @@ contains
     if (step%first) then
       call send_bulk(o, solvers(side_solid), kick_type(merge(0.5_wp*step%h, step%h, &
         o%rules%symmetric), step%h, step%t0, step%t1), timers, errors)
+      step%drifts = .true.
       call begin_exchange(o, step%h)
     end if
     call note_step(o, step, timers)
@@ -157,8 +160,7 @@ contains
     call timers%start('projection and maps')
     call o%follow(step%dt, v, spin)
     call timers%stop('projection and maps')
-    if (step%first .and. .not. errors%any()) call solvers(side_solid)%receive(timers, errors)
-    call ask_solid(o, solvers(side_solid), step%now, timers, errors)
+    call ask_elements(o, solvers(side_solid), step, timers, errors)
     call ask_grains(o, solvers(side_grains), v, spin, step%now, timers, errors)
     step%increment%moved = step%dt*v
     step%increment%turns = step%dt*spin
@@ -175,20 +177,19 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, size(o%forces%parts%active_rows)) :: moved, turns
+    logical :: late  !! the solid is asked after the grains
 
     call timers%start('projection and maps')
     call o%follow_prescribed(step%dt)
     call timers%stop('projection and maps')
-    if (.not. step%first) call ask_solid(o, solvers(side_solid), step%now, timers, errors)
+    late = step%drifts
+    if (.not. late) call ask_elements(o, solvers(side_solid), step, timers, errors)
     call timers%start('projection and maps')
     call follow_active(o, moved, turns)
     call timers%stop('projection and maps')
     call ask_grains(o, solvers(side_grains), moved/step%dt, turns/step%dt, step%now, timers, &
                     errors)
-    if (step%first) then
-      if (.not. errors%any()) call solvers(side_solid)%receive(timers, errors)
-      call ask_solid(o, solvers(side_solid), step%now, timers, errors)
-    end if
+    if (late) call ask_elements(o, solvers(side_solid), step, timers, errors)
     step%increment%moved = moved
     step%increment%turns = turns
     step%due = .true.
@@ -207,6 +208,21 @@ contains
     end subroutine place_all
   end subroutine step_in_parts
 
+  !> Forces of the elements with prescribed nodes. Where no node follows free grains there are none,
+  !! and the solid goes on with its drift until it must know where the edge came.
+  subroutine ask_elements(o, solid, step, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(step_type), intent(inout) :: step
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    step%asked = step%last .or. o%op%prescribed > 0 .or. o%op%prescribed_phi > 0
+    if (.not. step%asked) return
+    if (step%drifts .and. .not. errors%any()) call solid%receive(timers, errors)
+    step%drifts = .false.
+    call ask_solid(o, solid, step%now, timers, errors)
+  end subroutine ask_elements
+
   !> Forces at the end of a step; at that of an exchange also those that come once an exchange.
   subroutine take_step_forces(o, solvers, step, timers, errors)
     type(overlap_type), intent(inout) :: o
@@ -214,12 +230,10 @@ contains
     type(step_type), intent(in) :: step
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    if (step%last) then
-      call take_forces(o, solvers, o%forces%parts%active, step%now, timers, errors, &
-                       end_kick=merge(0.5_wp*step%h, 0.0_wp, o%rules%symmetric))
-    else
-      call take_forces(o, solvers, .false., step%now, timers, errors)
-    end if
+    type(answers_type) :: answers
+    answers = answers_type(step%last .and. o%forces%parts%active, step%asked, step%last, &
+                           merge(0.5_wp*step%h, 0.0_wp, o%rules%symmetric))
+    call take_forces(o, solvers, answers, step%now, timers, errors)
   end subroutine take_step_forces
 
   !> Kick of the edge with the forces that are evaluated once an exchange.
@@ -289,6 +303,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     call ask_solid(o, solvers(side_solid), t, timers, errors)
     call ask_grains(o, solvers(side_grains), v, spin, t, timers, errors)
-    call take_forces(o, solvers, .false., t, timers, errors)
+    call take_forces(o, solvers, answers_type(), t, timers, errors)
   end subroutine evaluate_forces
 end module cpl_overlap_step
