@@ -10,7 +10,7 @@ module cpl_audit
   private
   public :: audit_type, audit_columns
 
-  integer(i4), parameter :: column_count = 35
+  integer(i4), parameter :: column_count = 36
 
   !> Worst values so far.
   type :: audit_type
@@ -47,6 +47,7 @@ contains
     call append_string(columns, 'lost_moment_impulse [N m s]')
     call append_string(columns, 'largest_overlap [-]')
     call append_vector(columns, 'moment_on_solid', 'N m')
+    call append_string(columns, 'pieces [-]')
     if (size(columns) /= column_count) error stop 'bug: columns of the audit'
   end subroutine audit_columns
 
@@ -97,6 +98,7 @@ contains
       value(31) = face%ledger%lost_impulse
       value(32) = g(scalar_max_overlap)
       value(33:35) = 0.0_wp
+      value(36) = face%ledger%pieces
       if (face%transfer%rows > 3) value(33:35) = sum(face%relax%held(4:, :), 2)
     end associate
   end function row

@@ -26,8 +26,41 @@ module cpl_exchange
 
 contains
 
-  !> From t0 to t1 [s]; after a fault nothing was accepted.
+  !> From t0 to t1 [s], in as many pieces as the force lag asks for.
   subroutine exchange(face, solvers, choices, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(cpl_choices_type), intent(in) :: choices
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: begin, end, lag, longer
+    integer(i4) :: k
+
+    lag = 0.0_wp
+    end = t0
+    do k = 1, face%pieces%now
+      begin = end
+      end = t1
+      if (k < face%pieces%now) end = t0 + k*(t1 - t0)/face%pieces%now
+      call one_piece(face, solvers, choices, begin, end, timers, errors)
+      if (errors%any()) return
+      lag = lag + face%ledger%lag
+    end do
+    call face%count_exchange()
+    if (face%pieces%most > 1) then
+      face%ledger%lag = lag/face%pieces%now
+      call face%pieces%choose(face%ledger%lag, longer)
+      face%motion%drift = longer*face%motion%drift
+    end if
+    if (.not. automatic_springs(face, choices)) return
+    if (mod(face%step, check_interval) == 0 .or. face%watch%outgrown > 0 .or. &
+        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) &
+      call check_stiffness(face, solvers, t1, .false., timers, errors)
+  end subroutine exchange
+
+  !> After a fault nothing of it was accepted.
+  subroutine one_piece(face, solvers, choices, t0, t1, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
@@ -44,11 +77,7 @@ contains
     call judge_both(solvers, verb_accept, face%step, t0, t1, timers, errors)
     if (errors%any()) return
     call face%accept(t1 - t0)
-    if (.not. automatic_springs(face, choices)) return
-    if (mod(face%step, check_interval) == 0 .or. face%watch%outgrown > 0 .or. &
-        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) &
-      call check_stiffness(face, solvers, t1, .false., timers, errors)
-  end subroutine exchange
+  end subroutine one_piece
 
   !> Springs whose stiffness the deck does not give.
   pure logical function automatic_springs(face, choices)
@@ -107,10 +136,12 @@ contains
     if (use_midpoint(face)) face%forces%p_put = 2.0_wp*face%relax%held - face%forces%p_put
   end subroutine step_with_mean
 
-  !> Springs ahead of the ghosts, as far as is stable.
+  !> Springs ahead of the ghosts, as far as is stable. In the first of pieces of another length
+  !! ghosts still move as in those of before.
   subroutine lay_springs_for_mean(face)
     type(interface_type), intent(inout) :: face
-    call face%mean_motion()
+    if (.not. face%pieces%changed) call face%mean_motion()
+    face%pieces%changed = .false.
     if (follows_drift(face)) then
       call face%lay_springs_ahead()
     else

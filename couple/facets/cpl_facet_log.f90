@@ -34,6 +34,8 @@ contains
     call log%item('solid', trim(merge('dynamic', 'static ', face%dynamic)))
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, scheme '//choices%scheme_name//', interface '//choices%interface_name)
+    if (face%pieces%most > 1) call log%item('pieces', str(face%pieces%most), &
+      'of an exchange at most, as the force lag asks for')
     if (face%dynamic .and. face%relax%method == interface_springs) &
       call log%warn("interface = 'springs' acts like dampers on a dynamic solid: choose 'none'"// &
                     " or 'aitken'")
@@ -93,6 +95,7 @@ contains
     call summary%set('ghosts', face%map%ghosts)
     call summary%set('interface_nodes', face%map%nodes)
     call summary%set('iterations', face%ledger%all_iterations)
+    call summary%set('pieces', face%ledger%all_pieces)
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
     call summary%set('health.force_lag', audit%lag%overall())

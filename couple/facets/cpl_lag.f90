@@ -15,7 +15,7 @@ module cpl_lag
   type :: lag_type
     real(wp) :: now = 0.0_wp                 !! of the last exchange [-]
     real(wp) :: mean = 0.0_wp                !! over the last half window [-]
-    integer(i8) :: stalls = 0                !! windows in which it was large and did not fall
+    integer(i8) :: stalls = 0                !! windows in which it was large all along
     logical :: warned = .false.              !! the warning was given
     integer(i4), private :: count = 0        !! in the window
     real(wp), private :: first = 0.0_wp, second = 0.0_wp  !! sums of the halves
@@ -47,7 +47,8 @@ contains
       return
     end if
     self%mean = self%second/half
-    if (self%mean > lag_limit .and. self%second > falling*self%first) self%stalls = self%stalls + 1
+    if (min(self%first, self%second) > half*lag_limit .and. &
+        self%second > falling*self%first) self%stalls = self%stalls + 1
     self%count = 0
     self%first = 0.0_wp
     self%second = 0.0_wp
@@ -79,7 +80,7 @@ contains
         "write interface = 'springs', or scheme = 'iterated'"
     else if (method == interface_springs .or. method == interface_theta) then
       text = text//'the wall moves too slowly; '//shorter_exchange(self%mean, exchange)// &
-        ", or write scheme = 'iterated'"
+        ", or write pieces = 10 in &clock, or scheme = 'iterated'"
     else
       text = text//"write interface = 'springs', or shorten &clock exchange"
     end if

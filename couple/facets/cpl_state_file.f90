@@ -46,6 +46,7 @@ contains
     call file%put('/counts', [face%step, face%ledger%all_iterations, int(face%watch%outgrown, i8), &
                               int(face%watch%refactored, i8), merge(1_i8, 0_i8, &
                               face%relax%begun)], errors)
+    call file%put('/pieces', face%pieces%kept(), errors)
     if (allocated(face%start%start_stress)) then
       call file%put('/solid/start_stress', face%start%start_stress, errors)
       call file%put('/solid/start_load', face%start%start_load, errors)
@@ -93,11 +94,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
-    real(wp) :: numbers(9)
+    real(wp) :: numbers(9), pieces(6)
     integer(i8) :: counts(5)
 
     numbers = 0.0_wp
     counts = 0
+    pieces = face%pieces%kept()
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
     call file%get_into('/ghosts/quat', face%motion%quat, errors)
@@ -116,6 +118,7 @@ contains
     call file%get_into('/nodes/dead_load', face%start%dead_load, errors)
     call file%get_into('/numbers', numbers, errors)
     call file%get_into('/counts', counts, errors)
+    if (file%exists('/pieces')) call file%get_into('/pieces', pieces, errors)
     if (file%exists('/solid/start_stress')) then
       call file%get('/solid/start_stress', face%start%start_stress, errors)
       call file%get('/solid/start_load', face%start%start_load, errors)
@@ -137,6 +140,7 @@ contains
     face%watch%contact_stiffness = numbers(7)
     face%watch%force_at_check = numbers(8)
     face%ledger%largest = numbers(9)
+    call face%pieces%resume(pieces)
     face%step = counts(1)
     face%ledger%all_iterations = counts(2)
     face%watch%outgrown = int(counts(3), i4)

@@ -58,6 +58,7 @@ contains
     real(wp) :: time
 
     self%face%dynamic = run%dynamic
+    call self%face%pieces%begin(run%choices%pieces)
     associate (choices => run%choices, solvers => run%solvers)
       if (run%again) then
         call read_reference(run%checkpoint, run%state, ids, x, map_hash, time, errors)

@@ -10,8 +10,8 @@ module cpl_analysis
 
 contains
 
-  !> D414 relaxed together with a solid that has inertia, D417 facets of an explicit solid, D422 an
-  !! overlap with a solid that is not explicit, or not static.
+  !> D414 relaxed together with a solid that has inertia, or exchanged in pieces (D418), D417 facets
+  !! of an explicit solid, D422 an overlap with a solid that is not explicit, or not static.
   subroutine check_analysis(solid, choices, errors)
     type(cpl_solver_type), intent(in) :: solid
     type(cpl_choices_type), intent(in) :: choices
@@ -29,6 +29,10 @@ contains
       call errors%add('D414', "initial = 'relax' needs a static solid, "//solid%title()// &
                       ' is dynamic ('//solid%analysis//')', solid%deck, "write initial = "// &
                       "'dead_load', or &analysis kind = 'static' in the solid's deck")
+    if (choices%pieces > 1 .and. solid%analysis /= 'static') &
+      call errors%add('D418', '&clock pieces need a static solid, '//solid%title()// &
+                      ' is dynamic ('//solid%analysis//')', solid%deck, &
+                      'leave pieces out: the step of a dynamic solid is the exchange')
   end subroutine check_analysis
 
   subroutine check_overlap(solid, static, errors)

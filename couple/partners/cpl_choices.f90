@@ -40,6 +40,7 @@ module cpl_choices
     real(wp) :: theta = 0.0_wp         !! 0: not given
     real(wp) :: spread = 0.0_wp        !! width of the kernel [m], 0: none
     integer(i4) :: rotation = rotation_fixed  !! of the ghosts
+    integer(i4) :: pieces = 1          !! most of an exchange
     logical :: dead_load = .true.
     logical :: relaxed = .false.       !! both sides find their balance before the run
     real(wp) :: relax_tolerance = 0.0_wp
@@ -79,6 +80,7 @@ contains
     call deck%get('port', 1, 'trace', choices%trace)
     call deck%get('clock', 1, 'exchange', choices%exchange)
     call deck%get('clock', 1, 'scheme', choices%scheme_name)
+    call deck%get('clock', 1, 'pieces', choices%pieces)
     call deck%get('clock', 1, 'tolerance', choices%tolerance)
     call deck%get('clock', 1, 'max_iterations', choices%max_iterations)
     choices%adaptive = deck%count('adapt') > 0 .and. deck%count('overlap') > 0
@@ -140,7 +142,7 @@ contains
     end select
   end subroutine set_methods
 
-  !> D401 t_end is no whole number of exchanges.
+  !> D401 t_end is no whole number of exchanges, D418 pieces where none are made.
   subroutine check_clock(deck, choices, errors)
     type(deck_type), intent(in) :: deck
     type(cpl_choices_type), intent(inout) :: choices
@@ -156,6 +158,10 @@ contains
     else
       choices%exchanges = nint(count)
     end if
+    if (choices%pieces == 1) return
+    if (deck%count('facets') == 0 .or. choices%scheme_name /= 'average') &
+      call deck%fault(errors, 'D418', 'only facets with the mean force are exchanged in pieces', &
+                      'clock', 1, 'pieces', "leave it out, or write scheme = 'average'")
   end subroutine check_clock
 
   !> The two solvers in the order grains, solid; faults: D404 sides, D405 launch, D406 names.

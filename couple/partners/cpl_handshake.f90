@@ -102,12 +102,20 @@ contains
                       str(choices%t_end)//' s in the coupled deck', solver%deck, &
                       'leave t_end out of the solver''s deck, or write the same')
     if (.not. solver%dt > 0.0_wp) return
-    steps = choices%exchange/solver%dt
+    steps = choices%exchange/choices%pieces/solver%dt
     if (steps < 1.0_wp - same .or. abs(steps - anint(steps)) > same*steps) &
-      call errors%add('D415', 'exchange = '//str(choices%exchange)//' s is no multiple of dt = '// &
+      call errors%add('D415', what_is_cut(choices)//' is no multiple of dt = '// &
                       str(solver%dt)//' s in '//solver%deck, solver%deck, &
                       'choose a multiple, or leave dt out of the solver''s deck')
   end subroutine compare
+
+  !> 'exchange = 5e-5 s', 'exchange = 5e-5 s in 10 pieces'
+  function what_is_cut(choices) result(text)
+    type(cpl_choices_type), intent(in) :: choices
+    character(len=:), allocatable :: text
+    text = 'exchange = '//str(choices%exchange)//' s'
+    if (choices%pieces > 1) text = text//' in '//str(choices%pieces)//' pieces'
+  end function what_is_cut
 
   !> Gravity must be the same on both sides, and that of the coupled deck when it names one (D413).
   subroutine compare_gravity(solvers, choices, errors)

@@ -139,7 +139,7 @@ contains
 
   subroutine group_clock(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('clock', 4, &
+    call table%add_group('clock', 5, &
       'When the sides exchange, and in which order.', required=.true.)
     call table%add_key('exchange', 'real', 's', &
       'Interval between exchanges; t_end must be a multiple of it.')
@@ -154,6 +154,12 @@ contains
     call table%preset('average')
     call table%allow('average|iterated|state_at_n')
     call table%choice_with('state_at_n', 'facets.interface', 'none')
+    call table%add_key('pieces', 'integer', '', &
+      'Most pieces into which an exchange of facets with a static solid is divided ' &
+      //'while the force lag is above 2 %: the number is a divisor of this one, as small ' &
+      //'as the lag allows. A piece is a whole number of steps of the grains.')
+    call table%preset('1')
+    call table%bounds(min=1.0_wp, max=1000.0_wp)
     call table%add_key('tolerance', 'real', '', &
       'Iterated: largest distance between the ghosts and the facets they are attached ' &
       //'to, relative to their motion in the interval, and largest difference of the ' &

@@ -22,13 +22,15 @@ def run(case: Case) -> None:
         ("newmark", "average", "none", "", "neo_hookean"),
         ("newmark", "iterated", "aitken", "", "neo_hookean"),
         ("static", "average", "springs", "", "drucker_prager"),
+        ("static", "average", "springs", " ", ""),
     )
     for analysis, scheme, interface, more, law in ways:
         label = f"{analysis}, {scheme}, {interface}{more}{law and ', ' + law}"
         constants = law and f"law = '{law}',"
         if law == "drucker_prager":
             constants += f" cohesion = {COHESION}, friction_deg = 20.0,"
-        values = {"analysis": analysis, "scheme": scheme, "interface": interface, "more": more}
+        values = {"analysis": analysis, "scheme": scheme, "interface": interface, "more": more,
+                  "pieces": 10 if more == " " else 1}  # fmt: skip
         for name in ("whole", "parts"):
             for path in case.folder.glob(f"{name}*"):
                 path.unlink()

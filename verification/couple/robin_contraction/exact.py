@@ -10,6 +10,7 @@ from talus.mesh import read_mesh
 from talus.verification import Case, field_steps, write_packing
 
 RADIUS, SQUEEZE, RATIO = 5.0e-3, 2.0e-5, 50.0
+WAY, TOUCH, EXCHANGES = 1.0e-7, 10, 260  # of the lid in an exchange [m], when it touches, end
 ACROSS = 0.02  # half-axes of the flat ghost in the plane [m]
 
 
@@ -26,7 +27,7 @@ def run(case: Case) -> None:
         case.folder / "pack.h5", x, axes, kind=np.array([1, 0]), groups={"ghosts": np.array([1])}
     )
     lid = 3 * RADIUS - SQUEEZE
-    write_deck(case, "grains_at_work.nml", "grains.nml", stiffness=2 * series, lid=lid)
+    write_deck(case, "grains_at_work.nml", "grains.nml", stiffness=2 * series, lid=lid, motion="")
     mass = 2650.0 * 4 / 3 * np.pi * RADIUS**3
     exchange = 400.0 * 0.3 * np.sqrt(mass / series)  # the sphere comes to rest in each
     exact = SQUEEZE * series / (facet + series)
@@ -39,8 +40,10 @@ def run(case: Case) -> None:
         ("aitken", "average", ""),
     ):
         values = {
+            "grains": "grains_at_work",
             "interface": name,
             "scheme": scheme,
+            "pieces": 1,
             "exchange": exchange,
             "end": 60 * exchange,
             "more": more,
@@ -69,6 +72,43 @@ def run(case: Case) -> None:
     ax.set(xlabel="exchange [-]", ylabel="displacement / exact [-]", ylim=(0.0, 3.0))
     ax.legend()
     case.save(fig)
+    growing(case, series, facet, exchange)
+
+
+def growing(case: Case, series: float, facet: float, exchange: float) -> None:
+    """Let the lid come with a steady speed and press, with and without pieces."""
+    write_deck(case, "grains_pressed.nml", "grains.nml", stiffness=2 * series,
+               lid=3 * RADIUS + TOUCH * WAY,
+               motion=f", velocity = 0.0, 0.0, {-WAY / exchange:.9g}")  # fmt: skip
+    way = WAY * np.maximum(np.arange(1, EXCHANGES + 1) - TOUCH, 0.0)
+    exact = way * series / (facet + series)
+    after = np.arange(EXCHANGES) >= EXCHANGES // 2
+    fig, (left, right) = case.figure(ncols=2)
+    ran = {}
+    for pieces in (1, 10):
+        stem = f"pieces_{pieces}"
+        values = {"grains": "grains_pressed", "interface": "springs", "scheme": "average",
+                  "exchange": exchange, "end": EXCHANGES * exchange, "more": "",
+                  "pieces": pieces}  # fmt: skip
+        case.run("talus-couple", write_deck(case, f"{stem}.nml", "coupled.nml", **values))
+        audit = audit_of(case, stem)
+        off = (audit["largest_ghost_displacement"] - exact) / WAY
+        lag = audit["force_lag"][after].mean()
+        ran[pieces] = (lag, abs(off[after]).mean(), audit["pieces"].sum())
+        left.semilogy(audit["force_lag"], label=f"Talus, pieces = {pieces}")
+        right.plot(off, label=f"Talus, pieces = {pieces}")
+    health = json.loads((case.folder / "pieces_10_summary.json").read_text())["health"]
+    case.above("no pieces: mean force lag", ran[1][0], 0.1, "springs 50 times the facet")
+    case.below("pieces: mean force lag", ran[10][0], 0.02, "the limit")
+    case.metric("pieces: windows that did not settle", health["windows_not_settled"], 0, 0, "log")
+    case.below("pieces: error of displacement / without", ran[10][1] / ran[1][1], 0.25, "exact")
+    case.below("pieces: solutions / ten times the exchanges", ran[10][2] / (10.0 * EXCHANGES), 0.9,
+               "pieces are made where they are due")  # fmt: skip
+    left.axhline(0.02, color="0.5", label="limit")
+    left.set(xlabel="exchange [-]", ylabel="force lag [-]", ylim=(1e-5, 2.0))
+    right.set(xlabel="exchange [-]", ylabel="displacement - exact, in ways of an exchange [-]")
+    left.legend()
+    case.save(fig, "pieces.png")
 
 
 def middle_of_top(path: Path) -> np.ndarray:
