@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from opened_column import D, fly, spheres, write
 
+from talus.mesh import read_mesh, write_mesh
 from talus.packing import read_packing, write_h5
 from talus.programs import find_program
 from talus.verification import field_steps, read_history, start_grains_on_ranks
@@ -130,6 +131,18 @@ def test_the_front_does_not_reach_the_end_of_the_bed(tmp_path: Path) -> None:
     done = run(tmp_path)
     assert done.returncode == 2, done.stdout
     assert "error N460: element 1, which the deck of the solid holds" in done.stderr
+
+
+def test_a_fault_of_the_input_within_a_run_ends_with_2(tmp_path: Path) -> None:
+    """I425 where a thin element of few grains is opened: the last checkpoint is good."""
+    write(tmp_path)
+    mesh = read_mesh(tmp_path / "bar.h5")
+    mesh.x[np.isclose(mesh.x[:, 2], 22.0 * D), 2] = 21.0 * D
+    write_mesh(tmp_path / "bar.h5", mesh)
+    done = run(tmp_path)
+    assert done.returncode == 2, done.stdout
+    assert "error I425" in done.stderr
+    assert len(list(tmp_path.glob("coupled.*manifest"))) >= 1
 
 
 @pytest.mark.parametrize("factor", [1.0, 1.2])
