@@ -22,7 +22,7 @@ say "element test of the sand, modulus of the surround"
 say "coupled: grains wake around the cone, a continuum carries the rest"
 (cd wide_a && costed wide_a "$TALUS_BIN/talus-couple" coupled.nml && cat cost.csv >> ../cost.csv)
 say "the same grains in a rigid box"
-costed box_a "$TALUS_BIN/talus-dem" box_a.nml --threads="$threads"
+costed box_wide_a "$TALUS_BIN/talus-dem" box_wide_a.nml --threads="$threads"
 say "all grains"
 costed whole_a "$TALUS_BIN/talus-dem" whole_a.nml --threads="$threads"
 "$python" "$here/show.py"

@@ -12,13 +12,14 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from forces import force_curve  # noqa: E402
 from plans import PLANS  # noqa: E402
 
 from talus.verification import field_steps, read_history  # noqa: E402
 
 PLAN = PLANS["deep"]
 RUNS = {"whole": "whole bed", "narrow": "opened, 32 mm", "wide": "opened, 43 mm",
-        "box": "rigid box, 43 mm"}  # fmt: skip
+        "box_wide": "rigid box, 43 mm"}  # fmt: skip
 BANDS = ((0, 20), (20, 40), (40, 60), (20, 60))  # depth [mm]
 
 
@@ -27,26 +28,14 @@ def files_of(name: str, place: str) -> str:
     return f"{name}_{place}/grains" if name in PLAN.zones else f"{name}_{place}"
 
 
-def curve_of(name: str, place: str) -> dict:
-    """Return depth [mm], force [N], and the means over 1 mm."""
-    rows = read_history(Path(f"{files_of(name, place)}_surfaces.csv"))
-    time, at = np.unique(rows["time"], return_inverse=True)
-    depth, force = 1e3 * PLAN.speed * time, np.bincount(at, rows["force_z"])  # of tip, cone and shaft
-    edges = np.arange(0.0, 60.5)
-    at = np.digitize(depth, edges)
-    step = np.array([force[at == k].mean() if (at == k).any() else np.nan
-                     for k in range(1, len(edges))])  # fmt: skip
-    return {"depth": edges[1:] - 0.5, "force": step}
-
-
-def mean_in(curve: dict, band: tuple[int, int]) -> float:
+def mean_in(force: np.ndarray, band: tuple[int, int]) -> float:
     """Return the mean force in a band of depth [N]."""
-    return float(curve["force"][band[0]:band[1]].mean())
+    return float(force[band[0]:band[1]].mean())
 
 
 def main(places: list[str]) -> None:
     """Write the table and both pictures."""
-    curves = {(name, place): curve_of(name, place) for place in places for name in RUNS
+    curves = {(name, place): force_curve(files_of(name, place), PLAN)[1] for place in places for name in RUNS
               if (Path(f"{name}_{place}.finished")).exists()}  # fmt: skip
     with Path("cost.csv").open() as file:
         cost = {row[0]: (float(row[1]), float(row[2])) for row in csv.reader(file)}
@@ -72,8 +61,8 @@ def draw_forces(curves: dict, places: list[str]) -> None:
     for ax, place in zip(axes, places, strict=False):
         for name, label in RUNS.items():
             if (name, place) in curves:
-                curve = curves[name, place]
-                ax.plot(curve["force"], curve["depth"], lw=1.0, label=label)
+                force = curves[name, place]
+                ax.plot(force, np.arange(len(force)) + 0.5, lw=1.0, label=label)
         ax.set(xlabel="force on the cone [N]", ylabel="way of the cone [mm]", ylim=(60.0, 0.0),
                xlim=(0.0, None), title=f"place {place}")  # fmt: skip
     axes[0].legend(fontsize=8)

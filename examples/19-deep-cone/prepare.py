@@ -85,6 +85,8 @@ def prepare_mesh() -> None:
     """Write the mesh, a group a layer of elements."""
     wide, number = PLAN.copies * EDGE, PLAN.elements
     mesh = box(np.zeros(3), np.array([wide, wide, PLAN.height]), number)
+    even = np.linspace(0.0, wide, number[0] + 1)
+    mesh.x[:, :2] = np.interp(mesh.x[:, :2], even, PLAN.lines())
     layer = np.arange(mesh.count) // (number[0] * number[1])
     for k in range(number[2]):
         mesh.volumes[f"layer{k}"] = np.flatnonzero(layer == k)
@@ -127,7 +129,8 @@ def prepare_beds() -> None:
               text("laws", packing="bed", **tool))  # fmt: skip
         for zone in PLAN.zones:
             prepare_opened(f"{zone}_{place}", bed, tool, zone, layers(soil[zone]))
-        prepare_box(f"box_{place}", bed, tool)
+        for zone in PLAN.boxes:
+            prepare_box(f"box_{zone}_{place}", bed, tool, PLAN.zones[zone])
 
 
 def prepare_opened(name: str, bed: Packing, tool: dict, zone: str, sections: str) -> None:
@@ -147,9 +150,8 @@ def prepare_opened(name: str, bed: Packing, tool: dict, zone: str, sections: str
                                    every=PLAN.every))  # fmt: skip
 
 
-def prepare_box(name: str, bed: Packing, tool: dict) -> None:
+def prepare_box(name: str, bed: Packing, tool: dict, zone: Zone) -> None:
     """Write the free grains that an opened bed has at its end amid grains that stand still."""
-    zone = PLAN.zones[PLAN.box]
     beside = np.abs(bed.x[:, :2] - [tool["x"], tool["y"]]).max(axis=1)
     low = PLAN.tip - PLAN.stroke - zone.within
     inside = without_cell(bed, (beside < zone.ghost) & (bed.x[:, 2] > low - zone.ghost + zone.free))

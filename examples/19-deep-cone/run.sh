@@ -31,7 +31,7 @@ for place in $places; do
   for zone in narrow wide; do
     stage "${zone}_$place" "${zone}_$place" "$TALUS_BIN/talus-couple" coupled.nml
   done
-  stage "box_$place" . "$TALUS_BIN/talus-dem" "box_$place.nml" --threads=1
+  stage "box_wide_$place" . "$TALUS_BIN/talus-dem" "box_wide_$place.nml" --threads=1
   stage "whole_$place" . "$TALUS_BIN/talus-dem" "whole_$place.nml" --threads=1
 done
 "$python" "$here/judge.py" $places

@@ -11,29 +11,20 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from forces import force_curve  # noqa: E402
 from matplotlib.axes import Axes  # noqa: E402
 from plans import EDGE, RADIUS, plan_here  # noqa: E402
 
-from talus.verification import field_steps, read_history  # noqa: E402
+from talus.verification import field_steps  # noqa: E402
 
 PLAN, PLACE = plan_here(), "a"
 RUNS = {
     f"whole_{PLACE}": "all grains",
     f"wide_{PLACE}/grains": "grains, ghosts and continuum",
-    f"box_{PLACE}": "the same grains in a rigid box",
+    f"box_wide_{PLACE}": "the same grains in a rigid box",
 }
 FEW = 8  # free grains over an element that is open
 BAND = (0.5, 1.0)  # of the stroke, in which forces are compared
-
-
-def force_of(stem: str) -> tuple[np.ndarray, np.ndarray]:
-    """Return the way of the cone [mm] and the force on tip, cone and shaft [N], means over 1 mm."""
-    rows = read_history(Path(f"{stem}_surfaces.csv"))
-    time, at = np.unique(rows["time"], return_inverse=True)
-    way, force = 1e3 * PLAN.speed * time, np.bincount(at, rows["force_z"])
-    edges = np.arange(0.0, 1e3 * PLAN.stroke + 0.5)
-    step = np.digitize(way, edges)
-    return edges[1:] - 0.5, np.array([force[step == k].mean() for k in range(1, len(edges))])
 
 
 def draw_slice(ax: Axes, stem: str, title: str) -> None:
@@ -78,7 +69,7 @@ def main() -> None:
                              width_ratios=(1.35, 1.35, 1.0))  # fmt: skip
     lines, truth = [], None
     for stem, label in RUNS.items():
-        way, force = force_of(stem)
+        way, force = force_curve(stem, PLAN)
         band = (way > BAND[0] * 1e3 * PLAN.stroke) & (way < BAND[1] * 1e3 * PLAN.stroke)
         mean, spent = force[band].mean(), cost[stem.split("/")[0]]
         truth = truth or (mean, spent)
