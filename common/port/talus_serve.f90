@@ -1,5 +1,8 @@
 !> The service of a solver at the exchange port: requests are received, replies sent.
 !!
+!! Where ranks answer together the first speaks with the partner. It sends each request to the
+!! others as it came; all do the same work with it, and the faults of one are those of all.
+!!
 !! A solver extends `server_type` by what each verb does; order of the verbs, faults, restart tags
 !! and the end are the same for all. A fault of a request is reported in its reply; the service goes
 !! on: what to do is the partner's decision. A numerical failure, or a fault before HELLO was
@@ -17,6 +20,7 @@ module talus_serve
   use talus_port_names, only: field_brief, field_early, field_final, field_group, field_hash, &
     field_id, field_path, field_protocol, field_rehearsal, field_restart, field_role, &
     field_run_id, field_set, field_tag, field_what
+  use talus_ranks, only: ranks_type
   use talus_system, only: install_signals, wall_clock
   use talus_text, only: starts_with
   implicit none
@@ -26,6 +30,7 @@ module talus_serve
   !> What every solver's service remembers, and what each solver must do.
   type, abstract :: server_type
     character(len=:), allocatable :: program  !! 'talus-dem'
+    type(ranks_type) :: team                  !! that answer together
     logical :: greeted = .false.              !! HELLO was answered
     logical :: begun = .false.                !! READY was answered
     logical :: rehearsing = .false.           !! READY requested steps that do not count
@@ -127,23 +132,14 @@ contains
     type(error_list_type) :: faults
     real(wp) :: waiting
 
-    ! who waits for a user to start talus-couple is still the user's to stop
-    if (.not. starts_with(options%port, 'attach:')) call install_signals(.false.)
-    call port%connect(options%port, errors)
-    call install_signals(.false.)
+    call join_partner(server, port, options, errors)
     server%exit_code = errors%exit_code()
     if (errors%any()) return
     call server%read(options, faults)
+    call server%team%agree(faults)
     call server%fatal%take(faults)
     do while (.not. server%leave)
-      do while (server%is_busy())
-        if (port%arrived()) exit
-        call server%work_on()
-        call port%beat()
-      end do
-      waiting = wall_clock()
-      call port%receive(request, errors)
-      waiting = wall_clock() - waiting
+      call next_request(server, port, request, waiting, errors)
       if (errors%any()) exit
       if (request%verb /= verb_force) call server%catch_up()
       call reply%answer(request)
@@ -154,20 +150,88 @@ contains
       else
         call handle(server, request, reply, faults)
       end if
+      call server%team%agree(faults)
       if (faults%any()) call reply%fail_with(faults)
       if (.not. server%fatal%any() .and. faults%exit_code() == exit_numerical) &
         call server%fatal%take(faults)
-      if (.not. server%leave) call port%beat()
-      call port%send(reply, errors)
-      if (errors%any() .or. (server%fatal%any() .and. .not. server%greeted)) exit
+      if (server%team%leads()) call send_reply(server, port, reply, errors)
+      if (server%fatal%any() .and. .not. server%greeted) exit
     end do
     call errors%take(server%fatal)
     if (.not. server%leave) then
       call server%finish(.false., .false., errors)
       if (errors%any()) server%exit_code = errors%exit_code()
     end if
-    call port%close()
+    if (server%team%leads()) call port%close()
   end subroutine serve_partner
+
+  !> The leader connects.
+  subroutine join_partner(server, port, options, errors)
+    class(server_type), intent(in) :: server
+    type(port_type), intent(inout) :: port
+    type(options_type), intent(in) :: options
+    type(error_list_type), intent(inout) :: errors
+    ! who waits for a user to start talus-couple is still the user's to stop
+    if (.not. starts_with(options%port, 'attach:')) call install_signals(.false.)
+    if (server%team%leads()) call port%connect(options%port, errors)
+    call install_signals(.false.)
+    call server%team%agree(errors)
+  end subroutine join_partner
+
+  !> Wait for a request, or work on what is left to do until one arrives.
+  subroutine next_request(server, port, request, waiting, errors)
+    class(server_type), intent(inout) :: server
+    type(port_type), intent(inout) :: port
+    type(message_type), intent(inout) :: request
+    real(wp), intent(out) :: waiting  !! [s]
+    type(error_list_type), intent(inout) :: errors
+
+    do while (server%is_busy() .and. .not. errors%any())
+      if (port%arrived()) exit
+      call server%work_on()
+      call port%beat()
+    end do
+    waiting = wall_clock()
+    if (server%team%leads() .and. .not. errors%any()) call port%receive(request, errors)
+    waiting = wall_clock() - waiting
+    call share_request(server%team, request, errors)
+  end subroutine next_request
+
+  !> Every rank gets the request of the leader, or its faults.
+  subroutine share_request(team, request, errors)
+    type(ranks_type), intent(in) :: team
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), parameter :: half = 2_i8**31
+    type(error_list_type) :: damage
+    integer(i4) :: numbers(2)
+    integer(i8) :: words
+
+    if (.not. team%several()) return
+    numbers = 0  ! nothing but faults comes
+    if (team%leads() .and. .not. errors%any()) &
+      numbers = int([request%used/half, modulo(request%used, half)], i4)
+    call team%await(numbers)
+    words = half*numbers(1) + numbers(2)
+    if (words == 0) then
+      call team%agree(errors)
+      return
+    end if
+    call request%reserve(words)
+    call team%broadcast_words(request%word(:words))
+    if (team%leads()) return
+    call request%parse(words, damage)
+    if (damage%any()) error stop 'bug: a request that ranks share is damaged'
+  end subroutine share_request
+
+  subroutine send_reply(server, port, reply, errors)
+    class(server_type), intent(in) :: server
+    type(port_type), intent(inout) :: port
+    type(message_type), intent(inout) :: reply
+    type(error_list_type), intent(inout) :: errors
+    if (.not. server%leave) call port%beat()
+    call port%send(reply, errors)
+  end subroutine send_reply
 
   !> A solver that needs nothing more to accept what it did.
   subroutine hear_accept(self, request, errors)

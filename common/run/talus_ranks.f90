@@ -6,11 +6,12 @@ module talus_ranks
   use, intrinsic :: iso_c_binding, only: c_int
   use mpi, only: mpi_comm_self, mpi_comm_world, mpi_comm_size, mpi_comm_rank, mpi_allreduce, &
     mpi_allgather, mpi_alltoall, mpi_alltoallv, mpi_bcast, mpi_gather, mpi_gatherv, &
-    mpi_in_place, mpi_max, mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_character, &
+    mpi_in_place, mpi_max, mpi_min, mpi_maxloc, mpi_sum, mpi_integer, mpi_integer8, &
+    mpi_character, &
     mpi_double_precision, mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, &
     mpi_finalized, mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, &
     mpi_ibcast, mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_system, only: environment, set_environment, clear_environment
   implicit none
@@ -20,6 +21,7 @@ module talus_ranks
   integer(c_int), parameter :: pause = 100_c_int  !! between two checks of a rank that waits [us]
   integer(i4), parameter :: spins = 2000          !! checks before it sleeps
   integer(i4), parameter :: few = 512             !! values that are worth one message less
+  integer(i8), parameter :: slab = 2_i8**27       !! words of a message: MPI counts by 32 bits
   character(len=1), parameter :: mark = achar(0)  !! ends each text of a fault
 
   !> Who works on the run.
@@ -34,6 +36,7 @@ module talus_ranks
     procedure :: await            !! (numbers): those of the leader; others sleep until they arrive
     procedure :: broadcast_numbers     !! (numbers): those of the leader
     procedure :: broadcast_values      !! (values): those of the leader
+    procedure :: broadcast_words       !! (words): those of the leader
     procedure :: broadcast_text        !! (from, text): that of one rank
     procedure :: add_up           !! (values): sums over the ranks
     procedure :: add_in_order     !! (values): the same, added in the order of the ranks
@@ -158,6 +161,18 @@ contains
     if (self%ranks == 1) return
     call mpi_bcast(values, size(values), mpi_double_precision, 0, self%comm, status)
   end subroutine broadcast_values
+
+  subroutine broadcast_words(self, words)
+    class(ranks_type), intent(in) :: self
+    integer(i8), intent(inout), contiguous :: words(:)
+    integer(i8) :: first, last
+    integer :: status
+    if (self%ranks == 1) return
+    do first = 1, size(words, kind=i8), slab
+      last = min(first + slab - 1, size(words, kind=i8))
+      call mpi_bcast(words(first:last), int(last - first + 1), mpi_integer8, 0, self%comm, status)
+    end do
+  end subroutine broadcast_words
 
   subroutine broadcast_text(self, from, text)
     class(ranks_type), intent(in) :: self
