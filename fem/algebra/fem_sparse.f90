@@ -12,7 +12,7 @@ module fem_sparse
   public :: spring_force, multiply_general, largest_entry
   public :: fem_pattern_type, fem_share_type, rows_inner, rows_border, rows_foreign, has_block
   public :: make_pattern, elements_of_blocks, place, add_springs
-  public :: multiply, multiply_part, multiply_mass, scale_mass, block_diagonal, share_element
+  public :: multiply, multiply_part, multiply_mass, scale_mass, block_diagonal, holders_of
 
   !> Rows whose columns are all of their share, some of which are, or that belong to another.
   integer(i4), parameter :: rows_inner = 1, rows_border = 2, rows_foreign = 3
@@ -156,6 +156,19 @@ contains
     end if
     place = 0
   end function place
+
+  !> The first rank that has an element with all nodes of each spring, -1 where none has.
+  subroutine holders_of(pattern, springs, holder)
+    type(fem_pattern_type), intent(in) :: pattern
+    type(fem_springs_type), intent(in) :: springs
+    integer(i4), intent(out) :: holder(:)  !! (springs)
+    integer(i4) :: s
+    do s = 1, springs%n
+      holder(s) = merge(pattern%halo%rank, huge(s), share_element(pattern, springs%node(:, s)))
+    end do
+    call pattern%halo%least_numbers(holder)
+    where (holder == huge(s)) holder = -1
+  end subroutine holders_of
 
   !> Do these nodes exist, and does the pattern have a block for each pair of them?
   pure logical function share_element(pattern, node)
@@ -429,15 +442,17 @@ contains
     largest_entry = maxval(abs(diagonal))
   end function largest_entry
 
-  !> Mean of the diagonal of each node's own block [N/m].
-  pure function block_diagonal(pattern, k) result(diagonal)
+  !> Mean of the diagonal of each node's own block, of all ranks [N/m].
+  function block_diagonal(pattern, k) result(diagonal)
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), intent(in) :: k(:, :, :)
-    real(wp) :: diagonal(pattern%nodes)
+    real(wp) :: diagonal(pattern%nodes), mean(1, pattern%nodes)
     integer(i4) :: i, p
     do i = 1, pattern%nodes
       p = pattern%start(i)
-      diagonal(i) = (k(1, 1, p) + k(2, 2, p) + k(3, 3, p))/3.0_wp
+      mean(1, i) = (k(1, 1, p) + k(2, 2, p) + k(3, 3, p))/3.0_wp
     end do
+    call pattern%halo%sum_up(mean)
+    diagonal = mean(1, :)
   end function block_diagonal
 end module fem_sparse

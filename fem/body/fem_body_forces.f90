@@ -115,7 +115,8 @@ contains
       call self%damping%force(self%system%pattern, self%system%k, self%system%mass, v, force)
   end subroutine viscous_force
 
-  !> Internal forces of some elements alone, or of those that have a prescribed node [N].
+  !> Internal forces of some elements alone, of this rank, or of those that have a prescribed
+  !! node [N].
   subroutine interface_force(self, u, force, list)
     class(fem_body_forces_type), intent(inout) :: self
     real(wp), intent(in) :: u(:, :)

@@ -137,7 +137,8 @@ contains
     if (element < huge(element) .and. self%bad_rank /= self%ranks%rank) bad = -1
   end subroutine agree_on_bad
 
-  !> Trial stress and state of some elements; of micromorphic ones without their stiffness.
+  !> Trial stress and state of some elements; of micromorphic ones without their stiffness. All
+  !! ranks call it together.
   subroutine update_some(self, mesh, dofs, elastic, u, moved, list)
     class(fem_matter_type), intent(inout) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -145,11 +146,15 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :), moved(:, :)  !! (3, blocks)
     integer(i4), intent(in) :: list(:)            !! elements
+    integer(i4) :: bad
     logical :: wanted
     wanted = self%micro%wants_stiffness
     self%micro%wants_stiffness = .false.
     call work_elements(self, mesh, dofs, elastic, u, moved, list)
     self%micro%wants_stiffness = wanted
+    bad = self%bad
+    call agree_on_bad(self, elastic, bad)
+    self%bad = bad
   end subroutine update_some
 
   !> Elastic stiffness of micromorphic elements at displacements u and the trial states.

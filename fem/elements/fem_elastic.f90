@@ -35,6 +35,7 @@ module fem_elastic
     procedure :: number_points
     procedure :: rotations
     procedure :: number_of
+    procedure :: place_of
     procedure :: is_absent
     procedure :: clear_absent
   end type fem_elastic_type
@@ -101,6 +102,24 @@ contains
     number_of = e
     if (allocated(self%id) .and. e > 0) number_of = self%id(e)
   end function number_of
+
+  !> Number here of the element with a number in the mesh of the file, 0 if another rank has it.
+  pure integer(i4) function place_of(self, number)
+    class(fem_elastic_type), intent(in) :: self
+    integer(i4), intent(in) :: number
+    integer(i4) :: low, high
+    place_of = number
+    if (.not. allocated(self%id)) return
+    low = 1
+    high = int(size(self%id), i4)
+    do while (low < high)  ! numbers ascend
+      place_of = (low + high)/2
+      if (self%id(place_of) < number) low = place_of + 1
+      if (self%id(place_of) >= number) high = place_of
+    end do
+    place_of = 0
+    if (self%id(low) == number) place_of = low
+  end function place_of
 
   !> Has a stage removed element e, or not yet placed it?
   pure logical function is_absent(self, e)

@@ -25,10 +25,12 @@ module fem_whole
 
 contains
 
-  !> Points of all elements.
-  pure integer(i4) function points(self)
+  !> Points of all ranks, of which this one has `own`.
+  pure integer(i4) function points(self, own)
     class(fem_whole_type), intent(in) :: self
-    points = self%point(size(self%point)) - 1
+    integer(i4), intent(in) :: own
+    points = own
+    if (allocated(self%point)) points = self%point(size(self%point)) - 1
   end function points
 
   !> Elements of all ranks, of which this one has `own`.

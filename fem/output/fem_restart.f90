@@ -171,7 +171,7 @@ contains
     if (body%whole%ranks%several()) then
       rows = size(values, 1)
       deallocate (values)
-      allocate (values(rows, body%whole%points()))
+      allocate (values(rows, body%whole%points(body%elastic%points)))
     end if
     call file%get_into(name, values, errors)
     call body%whole%own_points(values)

@@ -1,4 +1,5 @@
-!> talus-fem as a partner of talus-couple: the effect of each request on the solid.
+!> talus-fem as a partner of talus-couple: the effect of each request on the solid. All ranks do the
+!! same, each with its elements; vectors of nodes are complete on all.
 !!
 !! Files are opened at READY, once all checks have passed; output is written at ACCEPT.
 module fem_port
@@ -14,7 +15,8 @@ module fem_port
   use fem_model, only: fem_model_type, program_name
   use fem_run_files, only: open_run, finish_run, log_row, log_factors
   use fem_sets, only: fem_sets_type
-  use fem_port_state, only: reply_hello, reply_describe, set_matter => set_values, put_scalars
+  use fem_port_describe, only: reply_describe
+  use fem_port_state, only: reply_hello, set_matter => set_values, put_scalars
   use fem_port_step, only: solve, advance, force, kick_drift
   use fem_sparse, only: block_diagonal
   implicit none
@@ -54,6 +56,7 @@ contains
     type(fem_server_type) :: server
 
     call move_alloc(model, server%model)
+    server%team = server%model%ranks
     server%program = program_name
     call serve_partner(server, options, errors)
     exit_code = server%exit_code
@@ -229,7 +232,8 @@ contains
     character(len=:), allocatable, intent(out) :: path
     type(error_list_type), intent(inout) :: errors
     call self%model%save_checkpoint(tag, errors)
-    path = self%model%checkpoint%tag_path(tag)
+    path = ''
+    if (self%model%ranks%leads()) path = self%model%checkpoint%tag_path(tag)
   end subroutine save
 
   !> Fields now; no path when the deck has no &output.

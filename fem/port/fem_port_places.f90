@@ -36,6 +36,7 @@ contains
       allocate (body%port%moved(3, body%mesh%nodes), source=0.0_wp)
     body%port%moved(:, node) = body%port%moved(:, node) + x - body%mesh%x(:, node)
     body%mesh%x(:, node) = x
+    if (allocated(body%whole%mesh%x)) body%whole%mesh%x(:, node) = x
     call body%assemble()
   end subroutine set_places
 end module fem_port_places

@@ -1,4 +1,5 @@
-!> What talus-fem reports at the port (HELLO, DESCRIBE, scalars) and receives (SET).
+!> What talus-fem reports at the port (HELLO, scalars) and receives (SET). All ranks call it
+!! together: values come of all elements and points, and each rank keeps those of its own.
 module fem_port_state
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
@@ -7,16 +8,12 @@ module fem_port_state
   use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_force, &
     can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_places, &
     can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
-    field_analysis, field_capabilities, field_connectivity, field_couple, field_couple_stress, &
-    field_deck_hash, field_element, field_force, field_gravity, field_id, field_kind, field_law, &
-    field_mass_phi, field_mass_u, field_mean, field_micro_stress, field_micromorphic, &
-    field_micropolar, field_moduli, field_moment, field_names, field_node, field_node_phi, &
-    field_poisson, field_polar, field_program, field_ranks, field_scalars, field_set, &
-    field_start, field_step_limit, field_stiffness, field_stiffness_phi, field_stress, &
-    field_t_end, field_tangent, field_time, field_value, field_value_phi, field_version, &
-    field_weight, field_weight_phi, field_what, field_x, field_young, what_dead_load, &
-    what_facets, what_group, what_groups, what_initial_stress, what_mass_factor, what_moduli, &
-    what_places, what_quad_weight, what_quadrature, what_springs
+    field_analysis, field_capabilities, field_couple, field_deck_hash, field_element, field_force, &
+    field_gravity, field_micropolar, field_moment, field_node, field_node_phi, field_poisson, &
+    field_program, field_ranks, field_scalars, field_set, field_step_limit, field_stiffness, &
+    field_stiffness_phi, field_t_end, field_time, field_value, field_value_phi, field_version, &
+    field_weight, field_weight_phi, field_what, field_young, what_dead_load, what_initial_stress, &
+    what_mass_factor, what_moduli, what_places, what_quad_weight, what_springs
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_plastic, &
     scalar_background_damping, &
@@ -24,23 +21,19 @@ module fem_port_state
   use talus_vectors, only: cross
   use talus_serve, only: limit_told
   use talus_version, only: version_text
-  use fem_types, only: fem_mesh_type, fem_springs_type, group_volume, group_facet, group_node
+  use fem_types, only: fem_springs_type
   use fem_body, only: fem_body_type
   use fem_port_places, only: set_places
-  use fem_elastic, only: classical
+  use fem_elastic, only: fem_elastic_type, classical
   use fem_micropolar, only: lame_moduli, violated_inequality
   use fem_port_stress, only: set_begun_stress
-  use fem_mesh, only: find_group, group_hint
   use fem_mm_body, only: phi_columns
-  use fem_mm_motion, only: mm_motion_type, mm_force_type, elastic_tangent
-  use fem_mm_report, only: uniform_limit
   use fem_model, only: fem_model_type, program_name
-  use fem_recover, only: point_stress, point_positions, point_weights
   use fem_sets, only: fem_sets_type
-  use fem_sparse, only: multiply_mass, share_element
+  use fem_sparse, only: multiply_mass, holders_of
   implicit none
   private
-  public :: reply_hello, reply_describe, set_values, put_scalars
+  public :: reply_hello, set_values, put_scalars
 
   character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
     ','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
@@ -66,152 +59,8 @@ contains
     call reply%put(field_time, model%body%accepted%time)
     call reply%put(field_t_end, model%analysis%t_end)
     call reply%put(field_step_limit, limit_told(model%body%limit%step))
-    call reply%put_int(field_ranks, 1_i4)
+    call reply%put_int(field_ranks, model%ranks%ranks)
   end subroutine reply_hello
-
-  !> Lumped micro-inertia of every node, zero where there is no micro-rotation [kg m^2].
-  pure function inertia_of_nodes(body) result(inertia)
-    type(fem_body_type), intent(in) :: body
-    real(wp) :: inertia(body%mesh%nodes)
-    inertia = 0.0_wp
-    inertia(body%dofs%node(body%mesh%nodes + 1:)) = body%system%lumped(body%mesh%nodes + 1:)
-  end function inertia_of_nodes
-
-  !> Mesh, facets, quadrature, groups, or the nodes of one group.
-  subroutine reply_describe(body, what, group, reply, errors)
-    type(fem_body_type), intent(in) :: body
-    character(len=*), intent(in) :: what, group
-    type(message_type), intent(inout) :: reply
-    type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k, g
-
-    select case (what)
-    case ('mesh')
-      call reply%put_int(field_id, [(k, k=1, body%mesh%nodes)])
-      call reply%put(field_x, body%mesh%x)
-      call reply%put(field_mass_u, body%system%lumped(:body%mesh%nodes))
-      if (body%dofs%blocks > body%mesh%nodes) call reply%put(field_mass_phi, inertia_of_nodes(body))
-      if (body%dofs%blocks > body%mesh%nodes) &
-        call reply%put_int(second_field(body), merge(1_i4, 0_i4, body%dofs%phi > 0))
-      if (allocated(body%mesh%hex8)) call reply%put_int(field_connectivity, body%mesh%hex8)
-      call reply%put_int(field_kind, body%mesh%kind)
-      call reply%put_int(field_start, body%mesh%start)
-      call reply%put_int(field_node, body%mesh%node)
-    case (what_facets)
-      g = find_group(body%mesh, group, [group_facet])
-      if (g == 0) then
-        call no_group('facet group', group, group_hint(body%mesh, group, [group_facet]), errors)
-        return
-      end if
-      call reply%put_int(field_connectivity, body%mesh%group(g)%facet)
-      call reply%put_int(field_kind, body%mesh%group(g)%facet_kind)
-    case (what_quadrature)
-      call describe_points(body, reply)
-    case (what_moduli)
-      if (body%matter%micro%active) then
-        call describe_micro_laws(body, reply)
-      else
-        call reply%put(field_moduli, body%elastic%moduli)
-      end if
-      call reply%put_int(field_mean, merge(1_i4, 0_i4, &
-        body%elastic%rule(body%elastic%rule_of)%bbar .and. &
-        .not. body%elastic%rule(body%elastic%rule_of)%linear_volume))
-    case (what_groups)
-      call reply%put_text(field_names, lines(body%mesh))
-    case (what_group)
-      g = find_group(body%mesh, group, [group_node, group_facet, group_volume])
-      if (g == 0) then
-        call no_group('group', group, group_hint(body%mesh, group, &
-          [group_volume, group_facet, group_node]), errors)
-        return
-      end if
-      call reply%put_int(field_id, body%mesh%group(g)%node)
-      if (body%mesh%group(g)%kind == group_volume) &
-        call reply%put_int(field_element, body%mesh%group(g)%element)
-    case default
-      call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
-                      'choices: mesh, facets, quadrature, moduli, groups and group')
-    end select
-  end subroutine reply_describe
-
-  !> Name of the marks of nodes that have the second field.
-  pure function second_field(body) result(name)
-    type(fem_body_type), intent(in) :: body
-    character(len=:), allocatable :: name
-    name = field_polar
-    if (body%matter%micro%active) name = field_micromorphic
-  end function second_field
-
-  !> Moduli of the micropolar solid that is as stiff in uniform strain, and the tangent (45, 45) of
-  !! the law at rest, column by column.
-  subroutine describe_micro_laws(body, reply)
-    type(fem_body_type), intent(in) :: body
-    type(message_type), intent(inout) :: reply
-    type(mm_motion_type) :: none
-    type(mm_force_type) :: force
-    real(wp) :: moduli(6, size(body%matter%micro%law)), tangent(45, 45)
-    real(wp) :: packed(45*45, size(body%matter%micro%law))
-    integer(i4) :: m
-    do m = 1, size(body%matter%micro%law)
-      associate (law => body%matter%micro%law(m)%elastic)
-        moduli(:, m) = uniform_limit(law)
-        call elastic_tangent(law, none, force, tangent)
-      end associate
-      packed(:, m) = reshape(tangent, [45*45])
-    end do
-    call reply%put(field_moduli, moduli(:, body%matter%micro%law_of))
-    call reply%put(field_tangent, packed)
-    call reply%put_int(field_law, body%matter%micro%law_of)
-  end subroutine describe_micro_laws
-
-  subroutine no_group(what, name, hint, errors)
-    character(len=*), intent(in) :: what, name, hint
-    type(error_list_type), intent(inout) :: errors
-    call errors%add('D301', 'the mesh has no '//what//" '"//name//"'", '', hint)
-  end subroutine no_group
-
-  !> Names of all groups with a line each.
-  pure function lines(mesh) result(text)
-    type(fem_mesh_type), intent(in) :: mesh
-    character(len=:), allocatable :: text
-    integer(i4) :: g
-    text = ''
-    do g = 1, size(mesh%group)
-      if (g > 1) text = text//new_line('a')
-      text = text//trim(mesh%group(g)%name)
-    end do
-  end function lines
-
-  subroutine describe_points(body, reply)
-    type(fem_body_type), intent(in) :: body
-    type(message_type), intent(inout) :: reply
-    real(wp), allocatable :: x(:, :), weight(:), stress(:, :)
-    integer(i4) :: n, e, q
-    n = body%elastic%points
-    allocate (x(3, n), weight(n), stress(body%elastic%components, n))
-    call point_positions(body%mesh, body%dofs, body%elastic, x)
-    call point_weights(body%mesh, body%dofs, body%elastic, weight)
-    if (body%matter%active) then
-      stress = body%matter%stress
-    else
-      call point_stress(body%mesh, body%dofs, body%elastic, body%state%u, stress)
-    end if
-    call reply%put(field_x, x)
-    call reply%put(field_weight, weight)
-    if (body%elastic%components == classical) then
-      call reply%put(field_stress, stress)
-    else if (body%matter%micro%active) then
-      call reply%put(field_stress, stress(:9, :))
-      call reply%put(field_micro_stress, stress(10:18, :))
-      call reply%put(field_couple_stress, stress(19:, :))
-    else
-      call reply%put(field_stress, stress(:9, :))
-      call reply%put(field_couple_stress, stress(10:, :))
-    end if
-    call reply%put_int(field_element, [((e, q=body%elastic%point(e), &
-      body%elastic%point(e + 1) - 1), &
-                                   e=1, body%mesh%elements)])
-  end subroutine describe_points
 
   !> SET: springs, dead loads, initial stress, weights, moduli, mass factors.
   subroutine set_values(body, sets, request, errors)
@@ -280,6 +129,7 @@ contains
     type(fem_springs_type), intent(inout) :: springs
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: stiffness(:)
+    integer(i4), allocatable :: holder(:)
     integer(i4) :: s, c
 
     call request%take_int(trim(names(1)), springs%node, errors)
@@ -300,15 +150,14 @@ contains
     if (names(1) == field_node_phi) call turn_nodes(body, springs, request%place(), errors)
     if (errors%any()) return
     allocate (springs%stiffness(3, 3, springs%n), source=0.0_wp)
-    do s = 1, springs%n
-      if (.not. share_element(body%system%pattern, springs%node(:, s))) then
-        call errors%add('P302', 'the nodes '//str(springs%node(:, s))//' of spring '//str(s)// &
-                        ' are not those of a facet', request%place())
-        return
-      end if
-      do c = 1, 3
-        springs%stiffness(c, c, s) = stiffness(s)
-      end do
+    allocate (holder(springs%n))
+    call holders_of(body%system%pattern, springs, holder)
+    s = int(findloc(holder, -1_i4, 1), i4)
+    if (s > 0) call errors%add('P302', 'the nodes '//str(springs%node(:, s))//' of spring '// &
+                               str(s)//' are not those of a facet', request%place())
+    springs%here = holder == body%dofs%halo%rank
+    do c = 1, 3
+      springs%stiffness(c, c, :) = stiffness
     end do
   end subroutine read_springs
 
@@ -363,6 +212,7 @@ contains
     end do
     all%stiffness(:, :, :springs%n) = springs%stiffness
     all%stiffness(:, :, springs%n + 1:) = more%stiffness
+    all%here = [springs%here, more%here]
     springs = all
   end subroutine join_springs
 
@@ -410,17 +260,20 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: stress(:, :), couple(:, :)
 
-    allocate (stress(merge(6, 9, body%elastic%components == classical), body%elastic%points))
+    allocate (stress(merge(6, 9, body%elastic%components == classical), &
+                     body%whole%points(body%elastic%points)))
     call request%get(field_value, stress, errors)
     if (errors%any()) return
+    call body%whole%own_points(stress)
     if (.not. allocated(body%elastic%initial)) &
       allocate (body%elastic%initial(body%elastic%components, body%elastic%points))
     body%elastic%initial = 0.0_wp
     body%elastic%initial(:size(stress, 1), :) = stress
     if (body%elastic%components > classical .and. request%has(field_couple)) then
-      allocate (couple(9, body%elastic%points))
+      allocate (couple(9, body%whole%points(body%elastic%points)))
       call request%get(field_couple, couple, errors)
       if (errors%any()) return
+      call body%whole%own_points(couple)
       body%elastic%initial(10:, :) = couple
     end if
     body%elastic%has_initial = .true.
@@ -432,11 +285,12 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(message_type), intent(inout) :: request
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: weight(:)
-    allocate (weight(body%elastic%points))
+    real(wp), allocatable :: weight(:, :)
+    allocate (weight(1, body%whole%points(body%elastic%points)))
     call request%get(field_value, weight, errors)
     if (errors%any()) return
-    body%elastic%factor = weight
+    call body%whole%own_points(weight)
+    body%elastic%factor = weight(1, :)
     call body%assemble()
   end subroutine set_weights
 
@@ -459,36 +313,54 @@ contains
       call request%get(field_poisson, poisson, errors)
     end if
     if (errors%any()) return
-    if (any(element < 1) .or. any(element > body%mesh%elements)) then
+    if (any(element < 1) .or. any(element > body%whole%elements(body%mesh%elements))) then
       call errors%add('P302', 'moduli are given for elements that do not exist', request%place())
       return
     end if
-    if (any(body%elastic%layered_of(element) > 0)) then
-      call errors%add('P302', 'moduli of layered elements cannot be set', request%place())
-      return
-    end if
     do k = 1, size(element)
-      associate (polar => body%elastic%rule(body%elastic%rule_of(element(k)))%polar)
-        if (polar .neqv. request%has(field_micropolar)) then
-          call errors%add('P302', 'moduli of element '//str(element(k))//' are of the other law', &
-            request%place(), 'give micropolar where the element is, young and poisson elsewhere')
-          return
-        end if
-        if (polar) then
-          if (len(violated_inequality(moduli(:, k))) > 0) call errors%add('P302', 'moduli of '// &
-            'element '//str(element(k))//': '//violated_inequality(moduli(:, k)), request%place())
-        else if (.not. (young(k) > 0.0_wp .and. abs(poisson(k) + 0.25_wp) < 0.75_wp)) then
-          call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', &
-                          request%place())
-        else
-          moduli(:, k) = lame_moduli(young(k), poisson(k))
-        end if
-        if (errors%any()) return
-      end associate
+      element(k) = body%elastic%place_of(element(k))
+      if (element(k) == 0) cycle  ! another rank has it
+      if (.not. request%has(field_micropolar)) moduli(:, k) = [young(k), poisson(k), 0.0_wp, &
+        0.0_wp, 0.0_wp, 0.0_wp]
+      call read_moduli(body%elastic, element(k), request%has(field_micropolar), request%place(), &
+                       moduli(:, k), errors)
+      if (errors%any()) exit
     end do
-    body%elastic%moduli(:, element) = moduli
+    call body%dofs%halo%agree(errors)
+    if (errors%any()) return
+    do k = 1, size(element)
+      if (element(k) > 0) body%elastic%moduli(:, element(k)) = moduli(:, k)
+    end do
     call body%assemble()
   end subroutine set_moduli
+
+  !> Moduli of element e from what came: Eringen's six if it is `micropolar`, or young and poisson.
+  !! Fault P302 of others than its law has, or of such that make no sense.
+  subroutine read_moduli(elastic, e, micropolar, place, moduli, errors)
+    type(fem_elastic_type), intent(in) :: elastic
+    integer(i4), intent(in) :: e
+    logical, intent(in) :: micropolar
+    character(len=*), intent(in) :: place
+    real(wp), intent(inout) :: moduli(6)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: broken
+
+    if (elastic%layered_of(e) > 0) then
+      call errors%add('P302', 'moduli of layered elements cannot be set', place)
+    else if (elastic%rule(elastic%rule_of(e))%polar .neqv. micropolar) then
+      call errors%add('P302', 'moduli of element '//str(elastic%number_of(e))//' are of the '// &
+        'other law', place, 'give micropolar where the element is, young and poisson elsewhere')
+    else if (micropolar) then
+      broken = violated_inequality(moduli)
+      if (len(broken) > 0) &
+        call errors%add('P302', 'moduli of element '//str(elastic%number_of(e))//': '//broken, &
+                        place)
+    else if (.not. (moduli(1) > 0.0_wp .and. abs(moduli(2) + 0.25_wp) < 0.75_wp)) then
+      call errors%add('P302', 'moduli must be young > 0 and -1 < poisson < 0.5', place)
+    else
+      moduli = lame_moduli(moduli(1), moduli(2))
+    end if
+  end subroutine read_moduli
 
   !> Factors on the mass of the nodes of a set, and with it on their weight; `value_phi` on the
   !! micro-inertia. The step limit follows.

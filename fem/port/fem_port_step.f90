@@ -157,7 +157,7 @@ contains
     if (errors%any()) return
     associate (body => model%body)
       where (body%port%prescribed) body%state%u = body%port%given_u
-      if (scope == 'interface' .and. chosen > 0) then
+      if (scope == scope_interface .and. chosen > 0) then
         call sets%put_force_of_elements(chosen, body, reply, errors)
         if (.not. (brief .or. errors%any())) call put_scalars(body, reply)
         return
@@ -174,12 +174,16 @@ contains
       end if
       call body%matter_fault(errors)
       if (errors%any()) return
-      if (scope == 'all') f = f - body%system%weight_force
-      if (scope == 'balance') then
+      if (scope == scope_all) f = f - body%system%weight_force
+      if (scope == scope_balance) then
         call body%external_at(body%state%time, external)
         f = f - external
       end if
-      call sets%put_forces(f, reply)
+      if (scope == scope_interface) then
+        call sets%put_parts(body%dofs%halo, f, reply)
+      else
+        call sets%put_forces(f, reply)
+      end if
       if (.not. brief) call put_scalars(body, reply)
     end associate
   end subroutine force

@@ -10,6 +10,7 @@ module fem_sets
   use fem_types, only: fem_set_type, role_report, role_prescribe, role_load, name_length
   use fem_body, only: fem_body_type
   use fem_edge, only: fem_edge_type
+  use fem_halo, only: fem_halo_type
   implicit none
   private
   public :: fem_sets_type
@@ -28,6 +29,7 @@ module fem_sets
     procedure :: forget_elements
     procedure :: put_force_of_elements
     procedure :: put_forces
+    procedure :: put_parts
     procedure :: whole_force
     procedure :: take_loads
     procedure :: take_motion
@@ -178,7 +180,7 @@ contains
       allocate (f(3, body%dofs%blocks))
       call body%interface_force(body%state%u, f, self%set(k)%element)
       call body%matter_fault(errors)
-      if (.not. errors%any()) call self%put_forces(f, reply)
+      if (.not. errors%any()) call self%put_parts(body%dofs%halo, f, reply)
       return
     end if
     if (.not. self%edge%ready .or. self%edge_of /= k) then
@@ -186,8 +188,33 @@ contains
       self%edge_of = k
     end if
     call self%edge%force(body%state%u)
-    call self%put_forces(self%edge%f, reply)
+    call self%put_parts(body%dofs%halo, self%edge%f, reply)
   end subroutine put_force_of_elements
+
+  !> Forces of which each rank has a part, that of its elements: those of the sets alone are added
+  !! up, in the order of the ranks.
+  subroutine put_parts(self, halo, f, reply)
+    class(fem_sets_type), intent(in) :: self
+    type(fem_halo_type), intent(in) :: halo
+    real(wp), intent(in) :: f(:, :)  !! (3, blocks) [N, N m]
+    type(message_type), intent(inout) :: reply
+    real(wp), allocatable :: total(:, :), values(:)
+    integer(i4), allocatable :: block(:)
+    integer(i4) :: s
+    if (.not. halo%several()) then
+      call self%put_forces(f, reply)
+      return
+    end if
+    allocate (block(0))
+    do s = 1, self%n
+      block = [block, self%set(s)%node, self%set(s)%phi]
+    end do
+    values = reshape(f(:, block), [3*size(block)])
+    call halo%add_in_order(values)
+    allocate (total, mold=f)
+    total(:, block) = reshape(values, [3, size(block)])
+    call self%put_forces(total, reply)
+  end subroutine put_parts
 
   !> Inner forces (3, blocks) on all sets, as on the partner.
   subroutine put_forces(self, f, reply)
@@ -204,15 +231,15 @@ contains
 
   !> Inner forces of the body at its displacements. A partner that kicks at the end of an interval
   !! and again at the start of the next requests them twice. Of laws with a state that start has the
-  !! accepted stresses; bodies in several ranks are not cached.
+  !! accepted stresses.
   subroutine whole_force(self, body, f)
     class(fem_sets_type), intent(inout) :: self
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(out) :: f(:, :)
     logical :: found
-    if (body%matter%active .or. body%dofs%halo%several()) then
+    if (body%matter%active) then
       found = .false.
-      if (body%matter%active .and. .not. body%pore%active .and. body%supports%ground%n == 0) then
+      if (.not. body%pore%active .and. body%supports%ground%n == 0) then
         if (all(abs(body%state%u - body%accepted%u) <= 0.0_wp)) &
           call body%matter%held_force(body%dofs, body%elastic, f, found)
       end if

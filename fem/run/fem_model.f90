@@ -115,7 +115,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
     what = self%analysis%one_rank()
-    if (self%served) what = 'a coupled run requires'
     if (self%body%matter%micro%active) what = 'micromorphic solids require'
     if (self%body%pore%active) what = 'pore pressures require'
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
