@@ -10,7 +10,7 @@ from opened_column import D, fly, spheres, write
 from talus.mesh import read_mesh, write_mesh
 from talus.packing import read_packing, write_h5
 from talus.programs import find_program
-from talus.verification import field_steps, read_history, start_grains_on_ranks
+from talus.verification import field_steps, read_history, start_on_ranks
 
 
 def run(folder: Path, *words: str) -> subprocess.CompletedProcess:
@@ -82,7 +82,7 @@ def test_it_has_the_same_bits(how: str, tmp_path: Path) -> None:
     elif how == "files":
         deck.write_text(deck.read_text() + "&port transport = 'hdf5' /\n")
     else:
-        start_grains_on_ranks(deck, 2, find_program("talus-dem"))
+        start_on_ranks(deck, "grains", 2, find_program("talus-dem"))
     done = run(tmp_path)
     assert done.returncode == 0, done.stdout
     assert (tmp_path / "coupled_audit.csv").read_bytes() == one

@@ -11,7 +11,7 @@ from sphere_tile import EDGE, sphere_tile
 from talus.mesh import box, write_mesh
 from talus.packing import read_packing, write_h5
 from talus.programs import find_program
-from talus.verification import read_history, start_grains_on_ranks
+from talus.verification import read_history, start_on_ranks
 
 COPIES, CELLS = (4, 2, 2), (10, 5, 5)
 MIDDLE = np.array([0.012, 0.012, 0.012])
@@ -88,7 +88,7 @@ def test_a_restart_has_the_same_bits(tile: Path, tmp_path: Path) -> None:
         assert done.returncode == 0, done.stdout
         for name, content in whole.items():
             assert (tmp_path / name).read_bytes() == content, (manifest.name, name)
-    start_grains_on_ranks(tmp_path / "coupled.nml", 2, find_program("talus-dem"))
+    start_on_ranks(tmp_path / "coupled.nml", "grains", 2, find_program("talus-dem"))
     assert run(tmp_path).returncode == 0
     assert (tmp_path / names[0]).read_bytes() == whole[names[0]]
 

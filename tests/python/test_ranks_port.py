@@ -1,19 +1,13 @@
 """A partner of grains on ranks gets the replies that one rank gives."""
 
-import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
+from ranked import Partner, Script, compare, talk
 
-from talus.compare import difference, max_of
-from talus.programs import find_program
-from talus.verification import launcher, write_packing
-
-sys.path.insert(0, str(Path(__file__).parents[1] / "errors/base/port"))
-from port import Asker, Message  # noqa: E402
+from talus.compare import max_of
+from talus.verification import write_packing
 
 RADIUS, STEP, EXCHANGE = 1.0e-3, 2.0e-6, 4.0e-5
 DECK = """&run       title = 'Loose lattice over a floor', gravity = 0.0, 0.0, -9.81 /
@@ -24,9 +18,7 @@ DECK = """&run       title = 'Loose lattice over a floor', gravity = 0.0, 0.0, -
 &wall      id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'quartz' /
 &dynamics  dt = 2.0e-6 /
 """
-SAME = 1.0e-11  # sums of the ranks' parts, in another order
 LATE = np.array([7, 21, 30])  # grains that the partner takes over after a rehearsal
-Script = list[dict[str, np.ndarray]]
 
 
 def write_input(folder: Path) -> np.ndarray:
@@ -43,43 +35,10 @@ def write_input(folder: Path) -> np.ndarray:
     return x[np.argsort(ids)]
 
 
-class Partner(Asker):
-    """Asks, and takes no fault for an answer."""
-
-    def ask(self, verb: str, t0: float = 0.0, t1: float = 0.0, **fields: object) -> Message:
-        """Send a request and return the reply."""
-        reply = super().ask(verb, t0, t1, **fields)
-        assert reply.status == 0, reply.fields
-        return reply
-
-    def numbers(self, *words: object, **fields: object) -> dict[str, np.ndarray]:
-        """Send a request and return the arrays of reals of the reply."""
-        found = self.ask(*words, **fields).fields.items()
-        return {k: v for k, v in found if not isinstance(v, bytes) and v.dtype.kind == "f"}
-
-
-def talk(folder: Path, ranks: int, script: object) -> Script:
-    """Start talus-dem and let the script ask; return what it kept of the replies."""
+def talk_to_grains(folder: Path, ranks: int, script: object) -> Script:
+    """Return what a script kept of the replies of talus-dem."""
     x = write_input(folder)
-    here = Path.cwd()
-    os.chdir(folder)
-    try:
-        asker = Partner("meeting/side")
-        command = [*launcher(ranks), str(find_program("talus-dem")), "deck.nml", "--threads=1",
-                   "--port=hdf5:meeting/side"]  # fmt: skip
-        with (folder / "out.txt").open("w") as out:
-            process = subprocess.Popen(command, stdout=out, stderr=subprocess.STDOUT)
-        try:
-            asker.hello()
-            replies = script(asker, x)
-            asker.ask("STOP")
-            assert process.wait(60) == 0, (folder / "out.txt").read_text()
-        finally:
-            process.kill()
-            process.wait()
-    finally:
-        os.chdir(here)
-    return replies
+    return talk("talus-dem", folder, ranks, lambda asker: script(asker, x))
 
 
 def rehearse(asker: Partner, x: np.ndarray) -> Script:
@@ -133,15 +92,7 @@ def step_together(asker: Partner, x: np.ndarray) -> Script:
 @pytest.mark.parametrize("script", [rehearse, step_together])
 def test_replies_are_those_of_one_rank(script: object, ranks: int, tmp_path: Path) -> None:
     """Every number of every reply, over the largest of its name."""
-    one = talk(tmp_path / "one", 0, script)
-    several = talk(tmp_path / "several", ranks, script)
-    assert [list(a) for a in one] == [list(a) for a in several]
+    one = talk_to_grains(tmp_path / "one", 0, script)
+    several = talk_to_grains(tmp_path / "several", ranks, script)
     assert max_of(np.abs(a["all.v"]).max() for a in one if "all.v" in a) > 0.01
-    for k, (a, b) in enumerate(zip(one, several, strict=True)):
-        for name, value in a.items():
-            if name == "scalars":
-                scale = np.abs(value[:9]).max()
-                assert difference(value[:9], b[name][:9]) <= SAME * scale, (k, name)
-                continue
-            scale = max(np.abs(value).max(initial=0.0), 1e-300)
-            assert difference(value, b[name]) <= SAME * scale, (k, name)
+    compare(one, several)
