@@ -1,11 +1,11 @@
 """Run verification cases and write build/verification/summary.json.
 
-Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--jobs N]
-       [--bin build/bin] [--out build/verification]
+Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--solid-ranks N]
+       [--jobs N] [--bin build/bin] [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
 Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem,
-by talus-couple too, has that many; give --out another folder then. With --jobs so many cases run at
-a time, on one thread each.
+by talus-couple too, has that many, with --solid-ranks every talus-fem of a coupled run; give --out
+another folder then. With --jobs so many cases run at a time, on one thread each.
 """
 
 import argparse
@@ -41,7 +41,9 @@ def find_cases() -> dict[str, dict]:
     return cases
 
 
-def run_cases(chosen: list[dict], settings: tuple[Path, Path, int], jobs: int) -> Iterator[dict]:
+def run_cases(
+    chosen: list[dict], settings: tuple[Path, Path, tuple[int, int]], jobs: int
+) -> Iterator[dict]:
     """Yield the entries of the chosen cases as they end; with jobs > 1 each has its own process."""
     work = [(facts, *settings) for facts in chosen]
     if jobs < 2:
@@ -53,15 +55,15 @@ def run_cases(chosen: list[dict], settings: tuple[Path, Path, int], jobs: int) -
         yield from pool.imap_unordered(run_case, work, chunksize=1)
 
 
-def run_case(item: tuple[dict, Path, Path, int]) -> dict:
-    """Run one case (facts, binaries, out, ranks) in a copy of its folder; return its entry."""
+def run_case(item: tuple[dict, Path, Path, tuple[int, int]]) -> dict:
+    """Run one case (facts, binaries, out, ranks of both sides) in a copy of its folder."""
     facts, binaries, out, ranks = item
     scratch = out / facts["id"]
     shutil.rmtree(scratch, ignore_errors=True)
     shutil.copytree(facts["folder"], scratch)
     spec = importlib.util.spec_from_file_location(f"exact_{facts['id']}", scratch / "exact.py")
     module = importlib.util.module_from_spec(spec)
-    case = Case(facts["id"], facts["title"], scratch, binaries, ranks)
+    case = Case(facts["id"], facts["title"], scratch, binaries, *ranks)
     start, error = time.monotonic(), ""
     sys.path.insert(0, str(facts["folder"].parent))
     try:
@@ -122,6 +124,7 @@ def main() -> int:
     parser.add_argument("--area", nargs="+", default=[])
     parser.add_argument("--quick", action="store_true")
     parser.add_argument("--ranks", type=int, default=0)
+    parser.add_argument("--solid-ranks", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
@@ -135,7 +138,8 @@ def main() -> int:
     results = {entry["id"]: entry for entry in old if entry["id"] in cases}
     passed = failed = 0
     chosen = choose(cases, options.case, options.quick, options.area)
-    for entry in run_cases(chosen, (options.bin.resolve(), out, options.ranks), options.jobs):
+    ranks = (options.ranks, options.solid_ranks)
+    for entry in run_cases(chosen, (options.bin.resolve(), out, ranks), options.jobs):
         results[entry["id"]] = entry
         passed, failed = passed + entry["pass"], failed + (not entry["pass"])
         show(entry)

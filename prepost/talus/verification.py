@@ -118,14 +118,14 @@ def launcher(ranks: int) -> list[str]:
     return ["mpirun", *options, "--mca", "mpi_yield_when_idle", "1", "-n", str(ranks)]
 
 
-def start_grains_on_ranks(deck: Path, ranks: int, program: Path) -> None:
-    """Rewrite a deck of talus-couple so that it starts its grains by mpirun, on ranks.
+def start_on_ranks(deck: Path, side: str, ranks: int, program: Path) -> None:
+    """Rewrite a deck of talus-couple so that it starts a side ('grains', 'solid') by mpirun.
 
-    A deck whose &program of the grains has a launch of its own stays as it is.
+    A deck whose &program of that side has a launch of its own stays as it is.
     """
     command = shlex.join([*launcher(ranks), str(program)])
     text = re.sub(
-        r"(&program\s+side\s*=\s*'grains',)(?![^/]*\blaunch\b)",
+        rf"(&program\s+side\s*=\s*'{side}',)(?![^/]*\blaunch\b)",
         rf"\1 launch = 'command', command = '{command}',",
         deck.read_text(),
     )
@@ -141,6 +141,7 @@ class Case:
     folder: Path
     binaries: Path
     ranks: int = 0  # of every run of talus-dem that sets none itself
+    solid_ranks: int = 0  # of talus-fem in coupled runs
     metrics: list[dict] = field(default_factory=list)
     figures: list[str] = field(default_factory=list)
 
@@ -155,12 +156,12 @@ class Case:
         """Run a program on a deck in the case's folder; an unexpected exit code raises.
 
         With ranks mpirun starts it; waiting ranks yield, as there may be fewer processors. Of
-        coupled runs the grains have as many as the case.
+        coupled runs the grains have as many as the case, and the solid its own number.
         """
         if program == "talus-dem":
             ranks = ranks or self.ranks
-        if program == "talus-couple" and self.ranks and "--weights" not in args:
-            start_grains_on_ranks(self.folder / deck, self.ranks, self.bin("talus-dem"))
+        if program == "talus-couple" and "--weights" not in args:
+            self.spread_sides(self.folder / deck)
         environment = dict(os.environ)
         environment.setdefault("OMP_NUM_THREADS", "1")
         done = subprocess.run(
@@ -173,6 +174,13 @@ class Case:
                 f"{program} {deck} ended with {done.returncode}, not {expect}\n{tail}"
             )
         return done
+
+    def spread_sides(self, deck: Path) -> None:
+        """Give both sides of a coupled deck the ranks of the case."""
+        if self.ranks:
+            start_on_ranks(deck, "grains", self.ranks, self.bin("talus-dem"))
+        if self.solid_ranks:
+            start_on_ranks(deck, "solid", self.solid_ranks, self.bin("talus-fem"))
 
     def metric(
         self, name: str, value: float, expected: float, limit: float, note: str = ""
