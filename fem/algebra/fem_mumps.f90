@@ -4,7 +4,8 @@
 !! The order comes from METIS through PERM_IN (Debian's MUMPS has none inside). MPI is started
 !! with the first factorisation, if any. With several ranks each
 !! gives the entries of its own elements, the leader the order; right-hand sides and solutions are
-!! the same on all.
+!! the same on all. Ranks that factor together add up what comes first, so that their last bits are
+!! not those of another run; the leader alone repeats itself.
 module fem_mumps
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -42,6 +43,8 @@ module fem_mumps
     real(wp) :: flops = 0.0_wp           !! of the factorisation
     integer(i4) :: memory = 0            !! [MB]
     type(ranks_type) :: ranks        !! that share the matrix
+    logical :: by_leader = .false.   !! who factors and solves alone
+    type(ranks_type), private :: crew    !! that factor and solve
     type(dmumps_struc), allocatable, private :: id
   contains
     procedure :: analyse
@@ -61,12 +64,40 @@ contains
     integer(i4), intent(in) :: irn(:), jcn(:)
     integer(i4), intent(in) :: order(:)  !! (n) position of each row in the elimination
     type(error_list_type), intent(inout) :: errors
+    type(ranks_type) :: nobody
+    real(wp), allocatable :: own(:, :), pairs(:, :)
+
+    self%by_leader = self%by_leader .and. self%ranks%several()
+    self%crew = self%ranks
+    if (.not. self%by_leader) then
+      call analyse_here(self, n, irn, jcn, order, errors)
+      return
+    end if
+    self%crew = nobody
+    self%n = n
+    allocate (own(2, size(irn)))
+    own(1, :) = irn
+    own(2, :) = jcn
+    call self%ranks%collect_columns(own, pairs)
+    if (self%ranks%leads()) call analyse_here(self, n, nint(pairs(1, :), i4), &
+                                              nint(pairs(2, :), i4), order, errors)
+    call self%ranks%agree(errors)
+    self%analysed = .not. errors%any()
+  end subroutine analyse
+
+  !> The same by those that factor.
+  subroutine analyse_here(self, n, irn, jcn, order, errors)
+    class(mumps_type), intent(inout) :: self
+    integer(i4), intent(in) :: n
+    integer(i4), intent(in) :: irn(:), jcn(:)
+    integer(i4), intent(in) :: order(:)
+    type(error_list_type), intent(inout) :: errors
 
     call self%free()
     call start_mpi()
     allocate (self%id)
     self%n = n
-    self%id%comm = self%ranks%comm
+    self%id%comm = self%crew%comm
     self%id%sym = merge(unsymmetric, merge(symmetric, spd, self%pivoting), self%general)
     self%id%par = 1
     self%id%job = -1
@@ -79,8 +110,8 @@ contains
     self%id%icntl(28) = 1
     self%id%n = n
     call give_pattern(self, irn, jcn)
-    if (self%ranks%ranks == 2) call share_root(self)
-    if (self%ranks%leads()) then
+    if (self%crew%ranks == 2) call share_root(self)
+    if (self%crew%leads()) then
       allocate (self%id%perm_in(n), self%id%rhs(n))
       self%id%perm_in = order
     end if
@@ -93,13 +124,13 @@ contains
                       //str(self%id%infog(7))//')', hint='install another build of MUMPS 5')
     end if
     self%analysed = self%id%infog(1) >= 0
-  end subroutine analyse
+  end subroutine analyse_here
 
   !> Rows and columns of the entries that this rank has.
   subroutine give_pattern(self, irn, jcn)
     class(mumps_type), intent(inout) :: self
     integer(i4), intent(in) :: irn(:), jcn(:)
-    if (self%ranks%several()) then
+    if (self%crew%several()) then
       self%id%icntl(18) = distributed
       self%id%nnz_loc = size(irn, kind=i8)
       allocate (self%id%irn_loc(size(irn)), self%id%jcn_loc(size(irn)), self%id%a_loc(size(irn)))
@@ -134,10 +165,32 @@ contains
     class(mumps_type), intent(inout) :: self
     real(wp), intent(in) :: a(:)
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: own(:, :), all(:, :)
+    integer(i4) :: done(1)
 
     if (.not. self%analysed) error stop 'bug: factorisation before analysis'
     self%factored = .false.
-    if (self%ranks%several()) then
+    if (.not. self%by_leader) then
+      call factor_here(self, a, errors)
+      return
+    end if
+    allocate (own(1, size(a)))
+    own(1, :) = a
+    call self%ranks%collect_columns(own, all)
+    if (self%ranks%leads()) call factor_here(self, all(1, :), errors)
+    call self%ranks%agree(errors)
+    done = merge(1_i4, 0_i4, self%factored)
+    call self%ranks%broadcast_numbers(done)
+    self%factored = done(1) > 0
+  end subroutine factor
+
+  !> The same by those that factor.
+  subroutine factor_here(self, a, errors)
+    class(mumps_type), intent(inout) :: self
+    real(wp), intent(in) :: a(:)
+    type(error_list_type), intent(inout) :: errors
+
+    if (self%crew%several()) then
       self%id%a_loc = a
     else
       self%id%a = a
@@ -171,7 +224,7 @@ contains
     self%memory = self%id%infog(19)
     self%entries = self%id%infog(9)
     if (self%entries < 0) self%entries = -self%entries*1000000_i8
-  end subroutine factor
+  end subroutine factor_here
 
   !> On disk if the deck requires it, or if it leaves the choice and memory is short.
   subroutine choose_storage(self)
@@ -182,8 +235,8 @@ contains
     self%id%icntl(22) = 0
     free = real(memory_free(), wp)/mega
     if (self%storage == storage_disk) call use_disk(self)
-    short = free > 0.0_wp .and. real(self%id%infog(16), wp)*self%ranks%on_host > usable*free
-    call self%ranks%any_of(short)
+    short = free > 0.0_wp .and. real(self%id%infog(16), wp)*self%crew%on_host > usable*free
+    call self%crew%any_of(short)
     if (self%storage == storage_auto .and. short) call use_disk(self)
   end subroutine choose_storage
 
@@ -203,7 +256,22 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     if (.not. self%factored) error stop 'bug: solution before factorisation'
-    if (self%ranks%leads()) self%id%rhs = b
+    if (.not. self%by_leader) then
+      call solve_here(self, b, errors)
+      return
+    end if
+    if (self%ranks%leads()) call solve_here(self, b, errors)
+    call self%ranks%agree(errors)
+    if (.not. errors%any()) call self%ranks%broadcast_values(b)
+  end subroutine solve
+
+  !> The same by those that factor.
+  subroutine solve_here(self, b, errors)
+    class(mumps_type), intent(inout) :: self
+    real(wp), intent(inout) :: b(:)
+    type(error_list_type), intent(inout) :: errors
+
+    if (self%crew%leads()) self%id%rhs = b
     self%id%nrhs = 1
     self%id%lrhs = self%n
     self%id%job = 3
@@ -212,13 +280,15 @@ contains
       call translate(self, 'the solution', errors)
       return
     end if
-    if (self%ranks%leads()) b = self%id%rhs
-    call self%ranks%broadcast_values(b)
-  end subroutine solve
+    if (self%crew%leads()) b = self%id%rhs
+    call self%crew%broadcast_values(b)
+  end subroutine solve_here
 
   !> Release the factors.
   subroutine free(self)
     class(mumps_type), intent(inout) :: self
+    self%analysed = .false.
+    self%factored = .false.
     if (.not. allocated(self%id)) return
     if (associated(self%id%irn)) deallocate (self%id%irn, self%id%jcn, self%id%a)
     if (associated(self%id%irn_loc)) &
@@ -227,8 +297,6 @@ contains
     self%id%job = -2
     call dmumps(self%id)
     deallocate (self%id)
-    self%analysed = .false.
-    self%factored = .false.
   end subroutine free
 
   !> MUMPS' error codes in words, with remedies.

@@ -102,7 +102,8 @@ contains
     if (self%served .and. self%body%pore%active) call self%deck%fault(errors, 'D446', &
       'a coupled run has no pore pressures', 'pore', 1, '', 'leave &pore out under talus-couple')
     call self%analysis%read_times(self%deck, self%served, errors)
-    call read_storage(self%deck, folder_of(self%options%deck), self%body%system%solver)
+    call read_storage(self%deck, folder_of(self%options%deck), self%served, &
+                      self%body%system%solver)
     if (.not. self%ranks%several() .or. errors%any()) return
     call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
     call refuse_ranks(self, errors)

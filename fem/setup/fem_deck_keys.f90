@@ -1018,7 +1018,7 @@ contains
 
   subroutine group_analysis(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('analysis', 29, &
+    call table%add_group('analysis', 30, &
       'What is computed, and in which steps.', required=.true.)
     call table%one_of('frequencies|frequency_range')
     call table%add_key('kind', 'string', '', &
@@ -1139,6 +1139,13 @@ contains
     call table%preset('auto')
     call table%allow('auto|memory|disk')
     call table%only_with('kind', 'static|newmark|hht|modal|harmonic')
+    call table%add_key('factor_ranks', 'string', '', &
+      'Which of several ranks make the factors and solve: the first alone, which ' &
+      //'repeats itself to the bit, or all together, in less time and memory but to ' &
+      //'round-off; `auto`: the first in coupled runs, all in others.')
+    call table%preset('auto')
+    call table%allow('auto|first|all')
+    call table%only_with('kind', 'static|newmark|hht')
     call table%add_key('scratch', 'string', '', &
       'Folder for factors on disk; that of the deck if left out.')
     call table%preset('')
@@ -1149,6 +1156,11 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
+    call group_analysis_4(table)
+  end subroutine group_analysis_3
+
+  subroutine group_analysis_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('frequency_range', 'real', 'Hz', &
       'First and last frequency of `harmonic`, with frequency_count of them in equal ' &
       //'steps.')
@@ -1156,11 +1168,6 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
     call table%only_with('kind', 'harmonic')
-    call group_analysis_4(table)
-  end subroutine group_analysis_3
-
-  subroutine group_analysis_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('frequency_count', 'integer', '', &
       'Frequencies of frequency_range, the ends among them.')
     call table%preset('50')
@@ -1194,6 +1201,11 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
+    call group_analysis_5(table)
+  end subroutine group_analysis_4
+
+  subroutine group_analysis_5(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('max_iterations', 'integer', '', &
       'Most iterations of `modal`, of a step of `relaxation` (there 100 000 unless ' &
       //'given), and of a step of `static`, `newmark` or `hht` of laws with a state (25),' &
@@ -1201,11 +1213,6 @@ contains
     call table%preset('200')
     call table%bounds(min=1.0_wp)
     call table%only_with('kind', 'modal|relaxation|static|newmark|hht')
-    call group_analysis_5(table)
-  end subroutine group_analysis_4
-
-  subroutine group_analysis_5(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('step_cuts', 'integer', '', &
       'How often `static`, `newmark` and `hht` halve a step of laws with a state that ' &
       //'does not converge, before the run ends.')

@@ -16,13 +16,16 @@ module fem_setup_solver
 
 contains
 
-  !> Where factors are kept.
-  subroutine read_storage(deck, folder, solver)
+  !> Where factors are kept, and which ranks make them.
+  subroutine read_storage(deck, folder, served, solver)
     type(deck_type), intent(in) :: deck
     character(len=*), intent(in) :: folder  !! of factors on disk, unless the deck names one
+    logical, intent(in) :: served           !! a partner drives the run
     type(fem_solver_type), intent(inout) :: solver
-    character(len=:), allocatable :: factors
+    character(len=:), allocatable :: factors, who
     call deck%get('analysis', 1, 'factors', factors)
+    call deck%get('analysis', 1, 'factor_ranks', who)
+    solver%mumps%by_leader = who == 'first' .or. (who == 'auto' .and. served)
     associate (mumps => solver%mumps)
       if (factors == 'memory') mumps%storage = storage_memory
       if (factors == 'disk') mumps%storage = storage_disk
