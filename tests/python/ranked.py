@@ -41,8 +41,13 @@ class Partner(Asker):
         return reply.fields
 
 
-def talk(program: str, folder: Path, ranks: int, script: Callable[[Partner], object]) -> object:
-    """Start a program on deck.nml in a folder and let the script ask; return what it returns."""
+def talk(
+    program: str, folder: Path, ranks: int, script: Callable[[Partner], object], code: int = 0
+) -> object:
+    """Start a program on deck.nml in a folder and let the script ask; return what it returns.
+
+    The program is to end with the exit code.
+    """
     here = Path.cwd()
     os.chdir(folder)
     try:
@@ -54,8 +59,8 @@ def talk(program: str, folder: Path, ranks: int, script: Callable[[Partner], obj
         try:
             asker.hello()
             replies = script(asker)
-            asker.ask("STOP")
-            assert process.wait(LONG) == 0, (folder / "out.txt").read_text()
+            Asker.ask(asker, "STOP")
+            assert process.wait(LONG) == code, (folder / "out.txt").read_text()
         finally:
             process.kill()
             process.wait()

@@ -27,6 +27,7 @@ PLASTIC = "law = 'drucker_prager', young = 5.0e6, poisson = 0.3, cohesion = 100.
     "friction_deg = 25.0, dilation_deg = 5.0, hardening = 1.0e6"  # fmt: skip
 POLAR = ("law = 'micropolar', micro_inertia = 1.0e-4, kappa = 2.0e6, alpha = 0.0, beta = 1.0, "
          "gamma = 20.0, lambda = 3.0e6, mu = 2.0e6")  # fmt: skip
+FINITE = "law = 'neo_hookean', young = 5.0e6, poisson = 0.3"
 RAYLEIGH = ", rayleigh_mass = 5.0, rayleigh_stiffness = 1.0e-6"
 
 
@@ -229,14 +230,29 @@ def begin_wrong(asker: Partner, block: Block) -> list[dict[str, bytes]]:
     return kept
 
 
-@pytest.mark.parametrize(("law", "script"), [(ELASTIC, err), (PLASTIC, begin_wrong)])
-def test_faults_are_those_of_one_rank(law: str, script: Callable, tmp_path: Path) -> None:
-    """The fault of one rank is that of all, word for word, and the run goes on."""
+def turn_inside_out(asker: Partner, block: Block) -> list[dict[str, bytes]]:
+    """Push a corner through its element, which ends the run."""
+    corner = block.top[-1:]
+    asker.ask("SELECT", set="corner", role="prescribe", id=corner, fields="u")
+    asker.ask("READY")
+    told = {"corner.u": np.array([[0.0, 0.0, -0.3]])}
+    return [asker.fault("FORCE", scope=scope, **told) for scope in ("interface", "all")]
+
+
+@pytest.mark.parametrize(
+    ("law", "script", "code"),
+    [(ELASTIC, err, 0), (PLASTIC, begin_wrong, 0), (FINITE, turn_inside_out, 2)],
+)
+def test_faults_are_those_of_one_rank(
+    law: str, script: Callable, code: int, tmp_path: Path
+) -> None:
+    """The fault of one rank is that of all, word for word, and so is the end of the run."""
     kept = []
     for count in (0, 3):
         block = Block()
-        write_input(tmp_path / str(count), block.mesh, kind="static", law=law)
+        write_input(tmp_path / str(count), block.mesh, kind="explicit" if code else "static",
+                    law=law)  # fmt: skip
         kept.append(talk("talus-fem", tmp_path / str(count), count,
-                         lambda asker, block=block: script(asker, block)))  # fmt: skip
+                         lambda asker, block=block: script(asker, block), code))  # fmt: skip
     assert kept[0] == kept[1]
     assert len({fault["error.message"] for fault in kept[0]}) >= len(kept[0]) - 1
