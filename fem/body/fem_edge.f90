@@ -7,7 +7,7 @@ module fem_edge
   use talus_kinds, only: wp, i4
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_recover, only: element_forces
+  use fem_recover, only: element_forces, add_element_forces
   use fem_types, only: fem_mesh_type
   implicit none
   private
@@ -38,10 +38,10 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     integer(i4), intent(in) :: list(:)
-    real(wp), dimension(3, dofs%blocks) :: u
-    real(wp), allocatable :: map(:)
+    real(wp), dimension(3, dofs%blocks) :: u, f
+    real(wp), allocatable :: map(:, :)
     integer(i4) :: first(size(list) + 1)  ! entry of k of each map that differs, and behind the last
-    integer(i4) :: k, maps
+    integer(i4) :: k, n, maps
     logical :: touched(dofs%blocks)
 
     if (allocated(self%start)) deallocate (self%start, self%block, self%at, self%k, self%f0)
@@ -52,15 +52,14 @@ contains
     maps = 0
     first(1) = 1
     do k = 1, size(list)
-      associate (block => self%block(self%start(k):self%start(k + 1) - 1))
-        allocate (map(9*size(block)**2))
-        call map_of(mesh, dofs, elastic, list(k), block, map)
-      end associate
-      self%at(k) = place_of(self%k, first(:maps + 1), map)
+      n = 3*(self%start(k + 1) - self%start(k))
+      allocate (map(n, n))
+      call map_of(mesh, dofs, elastic, list(k), u, f, map)
+      self%at(k) = place_of(self%k, first(:maps + 1), reshape(map, [n*n]))
       if (self%at(k) == first(maps + 1)) then
         maps = maps + 1
-        first(maps + 1) = first(maps) + size(map)
-        call keep(self%k, first(maps), map)
+        first(maps + 1) = first(maps) + n*n
+        call keep(self%k, first(maps), reshape(map, [n*n]))
       end if
       deallocate (map)
     end do
@@ -102,23 +101,29 @@ contains
     k(at:at + size(map) - 1) = map
   end subroutine keep
 
-  !> Forces of one element for a unit of each of its degrees of freedom.
-  subroutine map_of(mesh, dofs, elastic, e, block, map)
+  !> Forces of one element for a unit of each of its degrees of freedom. Vectors of all blocks are
+  !! handed in: u is zero, and of f only what the element has is touched.
+  subroutine map_of(mesh, dofs, elastic, e, u, f, map)
     type(fem_mesh_type), intent(in) :: mesh
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
-    integer(i4), intent(in) :: e, block(:)
-    real(wp), intent(out) :: map(3*size(block), 3*size(block))
-    real(wp), dimension(3, dofs%blocks) :: u, f, rest
+    integer(i4), intent(in) :: e
+    real(wp), intent(inout) :: u(:, :), f(:, :)  !! (3, all blocks)
+    real(wp), intent(out) :: map(:, :)           !! (3 blocks, 3 blocks)
+    integer(i4), allocatable :: block(:)
+    real(wp), allocatable :: rest(:, :)
     integer(i4) :: a, c
-    u = 0.0_wp
-    call element_forces(mesh, dofs, elastic, u, [e], rest)
+    block = blocks_of(dofs, e)
+    f(:, block) = 0.0_wp
+    call add_element_forces(mesh, dofs, elastic, u, e, f)
+    rest = f(:, block)
     do a = 1, size(block)
       do c = 1, 3
+        f(:, block) = 0.0_wp
         u(c, block(a)) = 1.0_wp
-        call element_forces(mesh, dofs, elastic, u, [e], f)
+        call add_element_forces(mesh, dofs, elastic, u, e, f)
         u(c, block(a)) = 0.0_wp
-        map(:, 3*(a - 1) + c) = reshape(f(:, block) - rest(:, block), [3*size(block)])
+        map(:, 3*(a - 1) + c) = reshape(f(:, block) - rest, [3*size(block)])
       end do
     end do
   end subroutine map_of

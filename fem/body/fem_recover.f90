@@ -14,7 +14,7 @@ module fem_recover
   implicit none
   private
   public :: point_stress, mean_stress, nodal_stress, initial_stress_force, point_positions
-  public :: point_weights, element_forces, nodal_rotation
+  public :: point_weights, element_forces, add_element_forces, nodal_rotation
 
   integer(i4), parameter :: full(9) = [1, 4, 6, 4, 2, 5, 6, 5, 3]  !! six components as nine
   integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]            !! and back
@@ -288,22 +288,32 @@ contains
     real(wp), intent(in) :: u(:, :)
     integer(i4), intent(in) :: list(:)  !! elements
     real(wp), intent(out) :: force(:, :)
-    real(wp), allocatable :: stress(:, :)
-    integer(i4) :: e, k, first, last
+    integer(i4) :: k
     force = 0.0_wp
     do k = 1, size(list)
-      e = list(k)
-      first = elastic%point(e)
-      last = elastic%point(e + 1) - 1
-      if (allocated(stress)) deallocate (stress)
-      allocate (stress(elastic%components, last - first + 1))
-      call stress_of(mesh, dofs, elastic, e, u, stress)
-      if (elastic%has_initial) stress = stress + elastic%initial(:, first:last)
-      call add_force(mesh, dofs, elastic, e, stress, force)
-      if (elastic%rule(elastic%rule_of(e))%one_point) &
-        call add_hourglass_force(mesh, elastic, e, u, force)
+      call add_element_forces(mesh, dofs, elastic, u, list(k), force)
     end do
   end subroutine element_forces
+
+  !> Add the forces of element e to those of its blocks.
+  subroutine add_element_forces(mesh, dofs, elastic, u, e, force)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    real(wp), intent(in) :: u(:, :)
+    integer(i4), intent(in) :: e
+    real(wp), intent(inout) :: force(:, :)
+    real(wp), allocatable :: stress(:, :)
+    integer(i4) :: first, last
+    first = elastic%point(e)
+    last = elastic%point(e + 1) - 1
+    allocate (stress(elastic%components, last - first + 1))
+    call stress_of(mesh, dofs, elastic, e, u, stress)
+    if (elastic%has_initial) stress = stress + elastic%initial(:, first:last)
+    call add_force(mesh, dofs, elastic, e, stress, force)
+    if (elastic%rule(elastic%rule_of(e))%one_point) &
+      call add_hourglass_force(mesh, elastic, e, u, force)
+  end subroutine add_element_forces
 
   !> Forces that a one-point element has from its hourglass modes.
   subroutine add_hourglass_force(mesh, elastic, e, u, force)
