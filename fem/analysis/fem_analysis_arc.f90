@@ -20,7 +20,6 @@ module fem_analysis_arc
     procedure :: read => read_arc
     procedure :: check
     procedure :: check_port
-    procedure :: one_rank
     procedure :: read_times
     procedure :: step
     procedure :: put
@@ -61,12 +60,6 @@ contains
     call deck%fault(errors, 'D340', 'a coupled run is not followed by arc length', 'analysis', 1, &
                     'continuation', 'leave it out')
   end subroutine check_port
-
-  function one_rank(self) result(what)
-    class(fem_analysis_arc_type), intent(in) :: self
-    character(len=:), allocatable :: what
-    what = "continuation = 'arc_length' takes"
-  end function one_rank
 
   !> The loads and motions at the end have the factor one.
   subroutine read_times(self, deck, served, errors)

@@ -14,7 +14,6 @@ module fem_analysis_stages
   type, extends(fem_analysis_static_type) :: fem_analysis_stages_type
   contains
     procedure :: check_port
-    procedure :: one_rank
     procedure :: step
     procedure :: put
     procedure :: get
@@ -29,12 +28,6 @@ contains
     call deck%fault(errors, 'D339', 'a coupled run has no stages', 'stage', 1, '', &
                     'run this deck alone')
   end subroutine check_port
-
-  function one_rank(self) result(what)
-    class(fem_analysis_stages_type), intent(in) :: self
-    character(len=:), allocatable :: what
-    what = 'stages require'
-  end function one_rank
 
   subroutine step(self, body, t1, errors)
     class(fem_analysis_stages_type), intent(inout) :: self

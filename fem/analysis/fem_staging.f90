@@ -44,7 +44,7 @@ contains
     type(fem_body_type), intent(inout) :: self
     integer(i4), intent(in) :: k
     real(wp), dimension(3, self%dofs%blocks) :: internal, external
-    real(wp) :: gone
+    real(wp) :: gone(1)
     integer(i4) :: i, e, q
 
     gone = 0.0_wp
@@ -60,10 +60,11 @@ contains
       end do
       self%elastic%absent(stage%element) = .not. stage%place
     end associate
+    call self%dofs%halo%add_in_order(gone)
     self%stages%done = k
     call hide_absent(self)
     call self%assemble()
-    self%accepted_energy%load = self%accepted_energy%load - gone
+    self%accepted_energy%load = self%accepted_energy%load - gone(1)
     self%loads%load(self%stages%load)%force = 0.0_wp
     call self%trial_force(self%accepted%u, internal)
     call self%matter%reject()
@@ -87,18 +88,19 @@ contains
   !> What is absent has no weight and no mass; where no element is left, nodes stay where they are.
   subroutine hide_absent(self)
     type(fem_body_type), intent(inout) :: self
-    logical :: alone(self%dofs%blocks)
+    integer(i4) :: alone(self%dofs%blocks)
     integer(i4) :: e
-    alone = .true.
+    alone = 1
     do e = 1, self%mesh%elements
       associate (first => self%elastic%point(e), last => self%elastic%point(e + 1) - 1)
         self%elastic%factor(first:last) = merge(0.0_wp, 1.0_wp, self%elastic%absent(e))
       end associate
       self%elastic%density(e) = merge(0.0_wp, self%stages%density(e), self%elastic%absent(e))
       if (.not. self%elastic%absent(e)) &
-        alone(self%dofs%block(self%dofs%start(e):self%dofs%start(e + 1) - 1)) = .false.
+        alone(self%dofs%block(self%dofs%start(e):self%dofs%start(e + 1) - 1)) = 0
     end do
-    call self%port%fix_at(spread(alone, 1, 3), self%accepted%u)
+    call self%dofs%halo%least_numbers(alone)
+    call self%port%fix_at(spread(alone > 0, 1, 3), self%accepted%u)
     call self%system%forget_numbers()
   end subroutine hide_absent
 

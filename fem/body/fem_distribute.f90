@@ -10,6 +10,7 @@ module fem_distribute
   use fem_partition, only: part_elements, make_halo
   use talus_ranks, only: ranks_type
   use fem_sparse, only: elements_of_blocks
+  use fem_stages, only: fem_stages_type
   use fem_types, only: fem_mesh_type, group_volume
   implicit none
   private
@@ -55,6 +56,7 @@ contains
       call keep_columns(body%elastic%point, mine, body%matter%state)
     end if
     call keep_elastic(body%elastic, mine)
+    if (body%stages%active) call keep_stages(body%whole%point, mine, body%elastic, body%stages)
     call keep_mesh(body%mesh, mine)
     call keep_dofs(body%dofs, mine)
     call move_alloc(part, body%whole%part)
@@ -139,9 +141,27 @@ contains
     elastic%density = elastic%density(mine)
     elastic%inertia = elastic%inertia(mine)
     elastic%hourglass = elastic%hourglass(mine)
+    if (allocated(elastic%absent)) elastic%absent = elastic%absent(mine)
     call keep_rows(elastic%point, mine)
     elastic%points = elastic%point(size(elastic%point)) - 1
   end subroutine keep_elastic
+
+  !> What some elements remove and place, by their present numbers.
+  pure subroutine keep_stages(point, mine, elastic, stages)
+    integer(i4), intent(in) :: point(:), mine(:)  !! of all elements
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_stages_type), intent(inout) :: stages
+    integer(i4) :: k, i
+    stages%density = stages%density(mine)
+    call keep_columns(point, mine, stages%stress)
+    call keep_columns(point, mine, stages%state)
+    do k = 1, size(stages%stage)
+      associate (element => stages%stage(k)%element)
+        element = [(elastic%place_of(element(i)), i=1, size(element))]
+      end associate
+      stages%stage(k)%element = pack(stages%stage(k)%element, stages%stage(k)%element > 0)
+    end do
+  end subroutine keep_stages
 
   !> Starts of the rows of some elements, one after the other.
   pure subroutine keep_rows(start, mine)

@@ -78,7 +78,7 @@ contains
     character(len=*), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: names(:)
-    real(wp), allocatable :: mean(:, :), cell(:, :), state(:, :)
+    real(wp), allocatable :: mean(:, :), cell(:, :), state(:, :), there(:, :)
     integer(i4) :: e, k
     logical :: leads
 
@@ -102,6 +102,10 @@ contains
       state = body%matter%accepted_state
       call body%whole%collect_points(state)
     end if
+    if (body%stages%active) then
+      there = reshape(merge(0.0_wp, 1.0_wp, body%elastic%absent), [1, body%mesh%elements])
+      call body%whole%collect_cells(there)
+    end if
     if (.not. leads) return
     call file%put(group//'/yield', mean(at_flag, :), errors)
     call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
@@ -112,7 +116,7 @@ contains
     end do
     if (points) call file%put(group//'/state_points', state, errors)
     if (body%stages%active) &
-      call file%put(group//'/active', merge(0.0_wp, 1.0_wp, body%elastic%absent), errors)
+      call file%put(group//'/active', there(1, :), errors)
   end subroutine put_states
 
   !> Means of the states of given names (names, elements), zero where the law has no such state.

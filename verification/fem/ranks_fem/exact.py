@@ -28,11 +28,15 @@ STRESS = "&initial_stress group = 'all', value = -1.0e4, -1.0e4, -1.0e4, 0.0, 0.
 SPRINGS = "&spring group = 'top', normal = 1.0e8, tangential = 1.0e7 /\n"
 FOLLOWER = "&pressure group = 'top', value = 1.0e4, follower = .true., curve = 'up' /\n"
 ABSORBING = "&absorbing group = 'side' /\n"
+STAGES = """&stage group = 'core', time = 2.0e-3, duration = 2.0e-3 /
+&stage group = 'core', action = 'place', time = 6.0e-3, duration = 1.0e-3 /
+"""
 RAYLEIGH = ", rayleigh_mass = 5.0, rayleigh_stiffness = 1.0e-5"
 STEP = "dt = 1.0e-3"
 SAME = 1.0e-10
 ITERATE = "kind = 'static', solver = 'iterative'"
 MULTIGRID = "kind = 'static', solver = 'multigrid'"
+ARC = "continuation = 'arc_length'"
 NEWTON = "tolerance = 1.0e-12"
 RUNS = {  # element, material, more groups, analysis
     "factors": ("hex8_bbar", CLASSICAL, SPRINGS, "kind = 'static', solver = 'direct', dt = 5e-3"),
@@ -40,6 +44,8 @@ RUNS = {  # element, material, more groups, analysis
     "multigrid": ("hex20/hex8", POLAR, "", f"{MULTIGRID}, tolerance = 1.0e-13"),
     "flow": ("hex8_bbar", PLASTIC, STRESS, f"{MULTIGRID}, {NEWTON}, {STEP}"),
     "plastic": ("hex8_bbar", PLASTIC, STRESS, f"kind = 'static', {NEWTON}, {STEP}"),
+    "stages": ("hex8_bbar", PLASTIC, STRESS + STAGES, f"kind = 'static', {NEWTON}, {STEP}"),
+    "arc": ("hex8_bbar", FINITE, FOLLOWER, f"kind = 'static', {ARC}, {NEWTON}, {STEP}"),
     "finite": ("hex8_bbar", FINITE, FOLLOWER + SPRINGS, f"kind = 'static', {NEWTON}, {STEP}"),
     "newmark": ("hex20/hex8", POLAR, "", f"kind = 'newmark', {STEP}"),
     "hht": ("hex8_bbar", CLASSICAL, ABSORBING, f"kind = 'hht', alpha = -0.1, {STEP}{RAYLEIGH}"),
@@ -60,6 +66,9 @@ def write_meshes(case: Case) -> None:
         faces = [nodes for _, nodes in boundary_faces(mesh.cells).values()]
         mesh.facets["side"] = np.array([q for q in faces if (x[q][:, 1] > 1 - 1e-9).all()])
         mesh.facets["top"] = np.array([q for q in faces if (x[q][:, 2] > 1 - 1e-9).all()])
+        middles = np.array([x[c].mean(0) for c in mesh.cells[kind]])
+        core = (middles[:, 0] < 0.5) & (middles[:, 1] < 0.5) & (middles[:, 2] > 0.5)
+        mesh.volumes["core"] = np.flatnonzero(core)
         save(mesh, case.folder / f"{kind}.h5")
 
 
@@ -193,5 +202,6 @@ def run(case: Case) -> None:
     judge_restart(case, "plastic", 2, 0)
     judge_restart(case, "plastic", 0, 3)
     judge_restart(case, "explicit", 2, 3)
+    judge_restart(case, "stages", 2, 3)
     judge_faults(case)
     case.save(fig)
