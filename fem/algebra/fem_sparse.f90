@@ -13,6 +13,7 @@ module fem_sparse
   public :: fem_pattern_type, fem_share_type, rows_inner, rows_border, rows_foreign, has_block
   public :: make_pattern, elements_of_blocks, place, add_springs
   public :: multiply, multiply_part, multiply_mass, scale_mass, block_diagonal, holders_of
+  public :: mass_diagonal
 
   !> Rows whose columns are all of their share, some of which are, or that belong to another.
   integer(i4), parameter :: rows_inner = 1, rows_border = 2, rows_foreign = 3
@@ -455,4 +456,14 @@ contains
     call pattern%halo%sum_up(mean)
     diagonal = mean(1, :)
   end function block_diagonal
+
+  !> Consistent mass of each block with itself, of all ranks [kg, kg m^2].
+  function mass_diagonal(pattern, mass) result(diagonal)
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), intent(in) :: mass(:)
+    real(wp) :: diagonal(pattern%nodes), own(1, pattern%nodes)
+    own(1, :) = mass(pattern%start(:pattern%nodes))
+    call pattern%halo%sum_up(own)
+    diagonal = own(1, :)
+  end function mass_diagonal
 end module fem_sparse

@@ -22,7 +22,6 @@ module fem_analysis_modal
   contains
     procedure :: read => read_modal
     procedure :: check_port
-    procedure :: one_rank
     procedure :: begin
     procedure :: complete
     procedure :: step
@@ -53,12 +52,6 @@ contains
     call deck%fault(errors, 'D325', 'a coupled run does not support modes', 'analysis', 1, 'kind', &
                     'run this deck alone')
   end subroutine check_port
-
-  function one_rank(self) result(what)
-    class(fem_analysis_modal_type), intent(in) :: self
-    character(len=:), allocatable :: what
-    what = "kind = 'modal' takes"
-  end function one_rank
 
   !> Factors are computed with the modes; a mode is a step of one.
   subroutine begin(self, body, dt, fresh, errors)

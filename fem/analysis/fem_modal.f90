@@ -6,7 +6,7 @@ module fem_modal
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use fem_body, only: fem_body_type
-  use fem_sparse, only: multiply, multiply_mass, block_diagonal
+  use fem_sparse, only: multiply, multiply_mass, block_diagonal, mass_diagonal
   use fem_solver, only: fem_solver_type
   use fem_supports, only: check_supports
   implicit none
@@ -68,16 +68,15 @@ contains
     type(error_list_type) :: free
     real(wp), allocatable :: diagonal(:)
     logical :: fixed(3, body%dofs%blocks)
-    integer(i4) :: i
 
     fixed = body%supports%held .or. body%port%prescribed
     shift = 0.0_wp
     call check_supports(body%mesh, body%dofs, body%system%pattern, fixed, body%supports%ground, &
       free)
     if (free%any()) then
-      diagonal = block_diagonal(body%system%pattern, body%system%k)
-      diagonal = [(diagonal(i)/body%system%mass(body%system%pattern%start(i)), i=1, &
-        body%mesh%nodes)]
+      diagonal = block_diagonal(body%system%pattern, body%system%k) &
+        /mass_diagonal(body%system%pattern, body%system%mass)
+      diagonal = diagonal(:body%mesh%nodes)
       ! frequencies fall with the square of the number of elements along the body
       shift = shift_share*sum(diagonal)/size(diagonal)/real(body%mesh%nodes, wp)**(2.0_wp/3.0_wp)
     end if

@@ -148,6 +148,38 @@ def judge_restart(case: Case, name: str, first: int, then: int) -> None:
     case.below(f"{name}: {text}, difference / largest", off, SAME)
 
 
+def judge_modes(case: Case) -> None:
+    """Judge frequencies of a cube on its base, and effective masses of all its modes together.
+
+    Two modes are nearly one frequency: round-off turns them in their plane, which moves mass
+    between them.
+    """
+    text = (case.folder / "deck.nml").read_text()
+    apart_from = ("&curve", "&traction", "&motion", "&checkpoint")
+    lines = [line for line in text.splitlines() if not line.startswith(apart_from)]
+    words = {"MESH": "hex20.h5", "MATERIAL": CLASSICAL, "ELEMENT": "hex20",
+             "ANALYSIS": "kind = 'modal', modes = 8", ", t_end = 0.01": "",
+             "3.0, 0.0, -9.81": "0.0, 0.0, 0.0", "2.0e-3": "1.0", "5.0e-3": "1.0",
+             ", fields = 'points'": ""}  # fmt: skip
+    found = {}
+    for ranks in (0, 2, 3):
+        deck = "\n".join(lines) + "\n"
+        for word, value in words.items():
+            deck = deck.replace(word, value)
+        (case.folder / f"modes_{ranks}.nml").write_text(deck)
+        case.run("talus-fem", f"modes_{ranks}.nml", ranks=ranks)
+        found[ranks] = read_history(case.folder / f"modes_{ranks}_modes.csv")
+    case.above("modes: lowest frequency [Hz]", found[0]["frequency"][0], 1.0)
+    for ranks in (2, 3):
+        off = apart(found[0]["frequency"], found[ranks]["frequency"])
+        case.below(f"modes: {ranks} ranks, frequencies, difference / largest",
+                   off / extent(found[0]["frequency"]), SAME)  # fmt: skip
+        pair = (found[0], found[ranks])
+        one, several = (np.array([m[f"mass {c}"].sum() for c in "xyz"]) for m in pair)
+        case.below(f"modes: {ranks} ranks, masses, difference / largest",
+                   apart(one, several) / extent(one), SAME)  # fmt: skip
+
+
 def judge_faults(case: Case) -> None:
     """Judge a fault that one rank meets, and a rank that is killed."""
     write_deck(case, "inverted", "inverted")
@@ -203,5 +235,6 @@ def run(case: Case) -> None:
     judge_restart(case, "plastic", 0, 3)
     judge_restart(case, "explicit", 2, 3)
     judge_restart(case, "stages", 2, 3)
+    judge_modes(case)
     judge_faults(case)
     case.save(fig)
