@@ -8,17 +8,48 @@ program test_fem_partition
   use fem_kinds, only: hex8
   use fem_partition, only: part_elements, make_halo
   use fem_halo, only: fem_halo_type
+  use fem_sparse, only: fem_pattern_type, make_pattern, holders_of
   use fem_topology, only: set_elements
-  use fem_types, only: fem_mesh_type
+  use fem_types, only: fem_mesh_type, fem_springs_type
   implicit none
   type(test_type) :: test
 
   call parts(4, 3)
   call parts(4, 7)
   call parts(2, 8)
+  call places()
+  call springs_of_one()
   call test%finish()
 
 contains
+
+  !> Numbers in the mesh become those of this rank, 0 where another has the element.
+  subroutine places()
+    type(fem_elastic_type) :: elastic
+    integer(i4) :: n
+    call test%check('one rank', all([(elastic%place_of(n), n=1, 4)] == [1, 2, 3, 4]))
+    elastic%id = [2, 5, 6, 9]
+    call test%check('some of ten', all([(elastic%place_of(n), n=1, 10)] == &
+                                       [0, 1, 0, 0, 2, 3, 0, 0, 4, 0]))
+    elastic%id = [7]
+    call test%check('one of ten', all([(elastic%place_of(n), n=6, 8)] == [0, 1, 0]))
+  end subroutine places
+
+  !> Springs are held by who has an element with all of their nodes.
+  subroutine springs_of_one()
+    type(fem_mesh_type) :: mesh
+    type(fem_dofs_type) :: dofs
+    type(fem_pattern_type) :: pattern
+    type(fem_springs_type) :: springs
+    integer(i4) :: holder(4)
+    call make_cube(2, mesh)
+    call number_fields(mesh, spread(0_i4, 1, mesh%elements), dofs)
+    call make_pattern(dofs, pattern)
+    springs%n = 4
+    springs%node = reshape([1, 2, 4, 1, 3, 3, 28, 1, 5, 5, 5, 5], [3, 4])
+    call holders_of(pattern, springs, holder)
+    call test%check('neighbours, apart, no node, one', all(holder == [0, -1, -1, 0]))
+  end subroutine springs_of_one
 
   !> A cube of n^3 elements for some ranks.
   subroutine parts(n, ranks)
