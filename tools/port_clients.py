@@ -62,6 +62,9 @@ def c_header(port: Port) -> str:
     return "\n".join([*lines, "#endif"]) + "\n"
 
 
+WIDTH = 100  #: columns of a line
+
+
 def py_table(name: str, doc: str, entries: list[tuple[str, object]]) -> list[str]:
     """Return a dictionary: texts one entry a line, numbers as many as fit."""
     lines = [f"# {doc}", f"{name} = {{"]
@@ -88,11 +91,15 @@ def py_field(field: dict) -> str:
 
 
 def py_messages(name: str, doc: str, messages: list[tuple[str, list[dict]]]) -> list[str]:
-    """Return a dictionary of messages, one field a line."""
+    """Return a dictionary of messages, one field a line where a line is too short for all."""
     lines = [f"# {doc}", f"{name} = {{"]
     for key, fields in messages:
         if not fields:
             lines.append(f'    "{key}": (),')
+            continue
+        line = f'    "{key}": ({", ".join(py_field(field) for field in fields)},),'
+        if len(line) <= WIDTH:
+            lines.append(line)
             continue
         lines += [f'    "{key}": (', *[f"        {py_field(field)}," for field in fields], "    ),"]
     return [*lines, "}", ""]

@@ -7,39 +7,43 @@ module talus_port_names
   private
   public :: protocol_version, name_length, header_words, description_words, kind_real
   public :: kind_integer, kind_text, role_report, role_prescribe, role_load, role_surface
-  public :: role_border, role_count, role_name, role_number, field_a, field_ahead, field_analysis
-  public :: field_axes, field_border_old, field_branch, field_brief, field_capabilities
-  public :: field_connectivity, field_couple, field_couple_stress, field_deck_hash, field_drift
-  public :: field_dt, field_early, field_element, field_error_code, field_error_hint
-  public :: field_error_message, field_error_place, field_exponent, field_fields, field_final
-  public :: field_force, field_gravity, field_group, field_hash, field_held, field_held_phi
-  public :: field_history, field_id, field_ids, field_impulse, field_inertia, field_iterations
-  public :: field_kick, field_kind, field_knots, field_law, field_load, field_mass
-  public :: field_mass_phi, field_mass_u, field_material, field_mean, field_mean_force
-  public :: field_mean_moment, field_micro_stress, field_micromorphic, field_micropolar
+  public :: role_border, role_pore, role_count, role_name, role_number, field_a, field_ahead
+  public :: field_analysis, field_area, field_axes, field_border_old, field_branch, field_brief
+  public :: field_capabilities, field_compressibility, field_connectivity, field_content
+  public :: field_couple, field_couple_stress, field_darcy, field_deck_hash, field_drift
+  public :: field_dt, field_early, field_element, field_entered, field_error_code
+  public :: field_error_hint, field_error_message, field_error_place, field_exponent
+  public :: field_fields, field_final, field_flow_work, field_fluid_in, field_force
+  public :: field_gravity, field_group, field_hash, field_held, field_held_phi, field_history
+  public :: field_id, field_ids, field_impulse, field_inertia, field_iterations, field_kick
+  public :: field_kind, field_knots, field_law, field_load, field_mass, field_mass_phi
+  public :: field_mass_u, field_material, field_mean, field_mean_force, field_mean_moment
+  public :: field_micro_stress, field_micromorphic, field_micropolar, field_mobility
   public :: field_moduli, field_moment, field_moment_impulse, field_motion, field_moved
-  public :: field_names, field_node, field_node_phi, field_normal, field_omega, field_path
-  public :: field_phi, field_phi_acceleration, field_phi_rate, field_point, field_poisson
-  public :: field_polar, field_pressure, field_program, field_protocol, field_quat, field_radius
-  public :: field_ranks, field_reaction, field_reaction_moment, field_rehearsal, field_restart
-  public :: field_role, field_run_id, field_scalars, field_scope, field_set, field_skew
-  public :: field_speed, field_speed_phi, field_start, field_steady, field_step_limit
-  public :: field_steps, field_stiffness, field_stiffness_phi, field_stress, field_stretch
-  public :: field_substeps, field_t_end, field_tag, field_tangent, field_theta, field_time
-  public :: field_tolerance, field_trial, field_triangle, field_turn, field_u, field_unbalanced
-  public :: field_v, field_value, field_value_phi, field_version, field_weight, field_weight_phi
-  public :: field_what, field_work, field_x, field_young, dot_a, dot_force, dot_impulse, dot_load
-  public :: dot_mean_force, dot_mean_moment, dot_moment, dot_moment_impulse, dot_omega, dot_phi
-  public :: dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction, dot_reaction_moment
-  public :: dot_theta, dot_u, dot_v, dot_work, dot_x, what_grains, what_contacts, what_border
-  public :: what_asleep, what_mesh, what_facets, what_quadrature, what_moduli, what_groups
-  public :: what_group, what_contact_weight, what_kind, what_places, what_mass_factor
-  public :: what_quad_weight, what_initial_stress, what_springs, what_dead_load, scope_all
-  public :: scope_interface, scope_balance, scope_loads, scope_split, scope_between, can_report
-  public :: can_prescribe, can_load, can_surface, can_border, can_advance, can_solve, can_force
-  public :: can_kick_drift, can_reject, can_checkpoint, can_rehearsal, can_contact_weight
-  public :: can_mass_factor, can_population, can_springs, can_dead_load, can_initial_stress
-  public :: can_quad_weight, can_moduli, can_places
+  public :: field_names, field_node, field_node_phi, field_normal, field_omega, field_p
+  public :: field_path, field_phi, field_phi_acceleration, field_phi_rate, field_point
+  public :: field_poisson, field_polar, field_pressure, field_program, field_protocol, field_quat
+  public :: field_radius, field_ranks, field_reaction, field_reaction_moment, field_rehearsal
+  public :: field_restart, field_role, field_run_id, field_scalars, field_scope, field_set
+  public :: field_skew, field_speed, field_speed_phi, field_start, field_steady, field_step_limit
+  public :: field_steps, field_stiffness, field_stiffness_phi, field_storage, field_stress
+  public :: field_stretch, field_substeps, field_t_end, field_tag, field_tangent, field_theta
+  public :: field_time, field_tolerance, field_trial, field_triangle, field_turn, field_u
+  public :: field_unbalanced, field_v, field_value, field_value_phi, field_version, field_weight
+  public :: field_weight_phi, field_what, field_work, field_x, field_young, dot_a, dot_content
+  public :: dot_darcy, dot_entered, dot_flow_work, dot_fluid_in, dot_force, dot_impulse, dot_load
+  public :: dot_mean_force, dot_mean_moment, dot_moment, dot_moment_impulse, dot_omega, dot_p
+  public :: dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction
+  public :: dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x, what_grains
+  public :: what_contacts, what_border, what_asleep, what_mesh, what_facets, what_quadrature
+  public :: what_moduli, what_pore, what_groups, what_group, what_contact_weight, what_kind
+  public :: what_places, what_mass_factor, what_quad_weight, what_initial_stress, what_springs
+  public :: what_dead_load, what_pore_storage, scope_all, scope_interface, scope_balance
+  public :: scope_loads, scope_split, scope_between, can_report, can_prescribe, can_load
+  public :: can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
+  public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
+  public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
+  public :: can_moduli, can_places, can_pore
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -58,29 +62,37 @@ module talus_port_names
   integer(i4), parameter :: role_surface = 4
   !> ghosts that free grains can reach, placed in every FORCE
   integer(i4), parameter :: role_border = 5
-  integer(i4), parameter :: role_count = 5
+  !> nodes at which the liquid in the pores goes over: all of a side of the grains' grid, or nodes
+  !! of a saturated solid
+  integer(i4), parameter :: role_pore = 6
+  integer(i4), parameter :: role_count = 6
   character(len=9), parameter :: role_names(role_count) = [character(len=9) :: &
-    'report', 'prescribe', 'load', 'surface', 'border']
+    'report', 'prescribe', 'load', 'surface', 'border', 'pore']
 
   ! Fields; those of sets alone have no comment here.
   character(len=*), parameter :: field_a = 'a'
   character(len=*), parameter :: field_ahead = 'ahead'  !! KICK_DRIFT
   character(len=*), parameter :: field_analysis = 'analysis'  !! HELLO
+  character(len=*), parameter :: field_area = 'area'  !! DESCRIBE pore
   character(len=*), parameter :: field_axes = 'axes'  !! WAKE, DESCRIBE grains
   character(len=*), parameter :: field_border_old = 'border_old'  !! FORCE
   character(len=*), parameter :: field_branch = 'branch'  !! DESCRIBE contacts
   character(len=*), parameter :: field_brief = 'brief'  !! FORCE, KICK_DRIFT
   character(len=*), parameter :: field_capabilities = 'capabilities'  !! HELLO
+  character(len=*), parameter :: field_compressibility = 'compressibility'  !! DESCRIBE pore
   !> DESCRIBE mesh, DESCRIBE facets
   character(len=*), parameter :: field_connectivity = 'connectivity'
+  character(len=*), parameter :: field_content = 'content'
   character(len=*), parameter :: field_couple = 'couple'  !! SET initial_stress
   character(len=*), parameter :: field_couple_stress = 'couple_stress'  !! DESCRIBE quadrature
+  character(len=*), parameter :: field_darcy = 'darcy'
   character(len=*), parameter :: field_deck_hash = 'deck_hash'  !! HELLO
   character(len=*), parameter :: field_drift = 'drift'  !! KICK_DRIFT
   character(len=*), parameter :: field_dt = 'dt'  !! HELLO
   character(len=*), parameter :: field_early = 'early'  !! STOP
   !> DESCRIBE quadrature, DESCRIBE group, SET moduli
   character(len=*), parameter :: field_element = 'element'
+  character(len=*), parameter :: field_entered = 'entered'
   character(len=*), parameter :: field_error_code = 'error.code'
   character(len=*), parameter :: field_error_hint = 'error.hint'
   character(len=*), parameter :: field_error_message = 'error.message'
@@ -88,6 +100,8 @@ module talus_port_names
   character(len=*), parameter :: field_exponent = 'exponent'  !! WAKE
   character(len=*), parameter :: field_fields = 'fields'  !! SELECT
   character(len=*), parameter :: field_final = 'final'  !! ACCEPT
+  character(len=*), parameter :: field_flow_work = 'flow_work'
+  character(len=*), parameter :: field_fluid_in = 'fluid_in'
   character(len=*), parameter :: field_force = 'force'  !! WAKE, DESCRIBE contacts, SET dead_load
   character(len=*), parameter :: field_gravity = 'gravity'  !! HELLO
   character(len=*), parameter :: field_group = 'group'  !! DESCRIBE
@@ -95,7 +109,7 @@ module talus_port_names
   character(len=*), parameter :: field_held = 'held'  !! SELECT
   character(len=*), parameter :: field_held_phi = 'held_phi'  !! SELECT
   character(len=*), parameter :: field_history = 'history'  !! WAKE
-  character(len=*), parameter :: field_id = 'id'  !! SELECT and 9 more
+  character(len=*), parameter :: field_id = 'id'  !! SELECT and 10 more
   character(len=*), parameter :: field_ids = 'ids'  !! WAKE, DESCRIBE contacts, SET contact_weight
   character(len=*), parameter :: field_impulse = 'impulse'
   character(len=*), parameter :: field_inertia = 'inertia'  !! SELECT, DESCRIBE grains
@@ -115,6 +129,7 @@ module talus_port_names
   character(len=*), parameter :: field_micro_stress = 'micro_stress'  !! DESCRIBE quadrature
   character(len=*), parameter :: field_micromorphic = 'micromorphic'  !! DESCRIBE mesh
   character(len=*), parameter :: field_micropolar = 'micropolar'  !! SET moduli
+  character(len=*), parameter :: field_mobility = 'mobility'  !! DESCRIBE pore
   character(len=*), parameter :: field_moduli = 'moduli'  !! DESCRIBE moduli
   character(len=*), parameter :: field_moment = 'moment'  !! SET dead_load
   character(len=*), parameter :: field_moment_impulse = 'moment_impulse'
@@ -125,6 +140,7 @@ module talus_port_names
   character(len=*), parameter :: field_node_phi = 'node_phi'  !! SET springs
   character(len=*), parameter :: field_normal = 'normal'  !! DESCRIBE contacts
   character(len=*), parameter :: field_omega = 'omega'  !! WAKE
+  character(len=*), parameter :: field_p = 'p'
   character(len=*), parameter :: field_path = 'path'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_phi = 'phi'
   character(len=*), parameter :: field_phi_acceleration = 'phi_acceleration'
@@ -146,7 +162,7 @@ module talus_port_names
   character(len=*), parameter :: field_run_id = 'run_id'  !! HELLO
   character(len=*), parameter :: field_scalars = 'scalars'  !! READY and 4 more
   character(len=*), parameter :: field_scope = 'scope'  !! FORCE
-  character(len=*), parameter :: field_set = 'set'  !! SELECT and 3 more
+  character(len=*), parameter :: field_set = 'set'  !! SELECT and 4 more
   character(len=*), parameter :: field_skew = 'skew'  !! WAKE
   character(len=*), parameter :: field_speed = 'speed'  !! SELECT
   character(len=*), parameter :: field_speed_phi = 'speed_phi'  !! SELECT
@@ -157,6 +173,7 @@ module talus_port_names
   !> SELECT, DESCRIBE contacts, SET springs
   character(len=*), parameter :: field_stiffness = 'stiffness'
   character(len=*), parameter :: field_stiffness_phi = 'stiffness_phi'  !! SELECT, SET springs
+  character(len=*), parameter :: field_storage = 'storage'  !! DESCRIBE pore
   character(len=*), parameter :: field_stress = 'stress'  !! WAKE, DESCRIBE quadrature
   character(len=*), parameter :: field_stretch = 'stretch'  !! WAKE
   character(len=*), parameter :: field_substeps = 'substeps'  !! READY and 3 more
@@ -172,19 +189,24 @@ module talus_port_names
   character(len=*), parameter :: field_u = 'u'
   character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! RELAX
   character(len=*), parameter :: field_v = 'v'  !! WAKE, SET kind
-  character(len=*), parameter :: field_value = 'value'  !! SET contact_weight and 3 more
+  character(len=*), parameter :: field_value = 'value'  !! SET contact_weight and 4 more
   character(len=*), parameter :: field_value_phi = 'value_phi'  !! SET mass_factor
   character(len=*), parameter :: field_version = 'version'  !! HELLO
   character(len=*), parameter :: field_weight = 'weight'  !! DESCRIBE quadrature, SET springs
   character(len=*), parameter :: field_weight_phi = 'weight_phi'  !! SET springs
   character(len=*), parameter :: field_what = 'what'  !! DESCRIBE, SET
   character(len=*), parameter :: field_work = 'work'
-  character(len=*), parameter :: field_x = 'x'  !! SELECT and 6 more
+  character(len=*), parameter :: field_x = 'x'  !! SELECT and 7 more
   character(len=*), parameter :: field_young = 'young'  !! SET moduli
 
   ! Fields of a set, to follow its name: '<set>.<name>'.
   character(len=*), parameter :: dot_a = '.a'  !! solid prescribe, solid load, solid report
-  character(len=*), parameter :: dot_force = '.force'  !! grains prescribe and 7 more
+  character(len=*), parameter :: dot_content = '.content'  !! grains pore, solid pore
+  character(len=*), parameter :: dot_darcy = '.darcy'  !! grains pore, solid pore
+  character(len=*), parameter :: dot_entered = '.entered'  !! grains pore, solid pore
+  character(len=*), parameter :: dot_flow_work = '.flow_work'  !! grains pore, solid pore
+  character(len=*), parameter :: dot_fluid_in = '.fluid_in'  !! grains pore, solid pore
+  character(len=*), parameter :: dot_force = '.force'  !! grains prescribe and 8 more
   !> grains prescribe, grains surface, solid prescribe
   character(len=*), parameter :: dot_impulse = '.impulse'
   character(len=*), parameter :: dot_load = '.load'  !! grains load, grains report
@@ -195,6 +217,7 @@ module talus_port_names
   character(len=*), parameter :: dot_moment_impulse = '.moment_impulse'
   !> grains prescribe, grains report, grains border
   character(len=*), parameter :: dot_omega = '.omega'
+  character(len=*), parameter :: dot_p = '.p'  !! grains pore, solid pore
   character(len=*), parameter :: dot_phi = '.phi'  !! solid prescribe, solid load, solid report
   !> solid prescribe, solid load, solid report
   character(len=*), parameter :: dot_phi_acceleration = '.phi_acceleration'
@@ -206,9 +229,8 @@ module talus_port_names
   character(len=*), parameter :: dot_reaction_moment = '.reaction_moment'  !! solid prescribe
   character(len=*), parameter :: dot_theta = '.theta'  !! grains report
   character(len=*), parameter :: dot_u = '.u'  !! solid prescribe, solid load, solid report
-  character(len=*), parameter :: dot_v = '.v'  !! grains prescribe and 6 more
-  !> grains prescribe, grains surface, solid prescribe
-  character(len=*), parameter :: dot_work = '.work'
+  character(len=*), parameter :: dot_v = '.v'  !! grains prescribe and 7 more
+  character(len=*), parameter :: dot_work = '.work'  !! grains prescribe and 3 more
   character(len=*), parameter :: dot_x = '.x'  !! grains prescribe and 3 more
 
   ! Values of the field `what` of DESCRIBE and SET.
@@ -220,6 +242,7 @@ module talus_port_names
   character(len=*), parameter :: what_facets = 'facets'  !! DESCRIBE
   character(len=*), parameter :: what_quadrature = 'quadrature'  !! DESCRIBE
   character(len=*), parameter :: what_moduli = 'moduli'  !! DESCRIBE, SET
+  character(len=*), parameter :: what_pore = 'pore'  !! DESCRIBE
   character(len=*), parameter :: what_groups = 'groups'  !! DESCRIBE
   character(len=*), parameter :: what_group = 'group'  !! DESCRIBE
   character(len=*), parameter :: what_contact_weight = 'contact_weight'  !! SET
@@ -230,6 +253,7 @@ module talus_port_names
   character(len=*), parameter :: what_initial_stress = 'initial_stress'  !! SET
   character(len=*), parameter :: what_springs = 'springs'  !! SET
   character(len=*), parameter :: what_dead_load = 'dead_load'  !! SET
+  character(len=*), parameter :: what_pore_storage = 'pore_storage'  !! SET
 
   ! Values of the field `scope` of FORCE.
   character(len=*), parameter :: scope_all = 'all'
@@ -264,6 +288,8 @@ module talus_port_names
   character(len=*), parameter :: can_quad_weight = 'quad_weight'  !! SET quad_weight
   character(len=*), parameter :: can_moduli = 'moduli'  !! SET moduli
   character(len=*), parameter :: can_places = 'places'  !! SET places
+  !> SELECT with the role pore, DESCRIBE pore; the solid SET pore_storage
+  character(len=*), parameter :: can_pore = 'pore'
 
 contains
 

@@ -73,7 +73,7 @@ SCALAR_UNITS = {
 
 # roles of sets
 ROLES = (
-    "report", "prescribe", "load", "surface", "border",
+    "report", "prescribe", "load", "surface", "border", "pore",
 )
 
 # words of HELLO's capabilities
@@ -81,6 +81,7 @@ CAPABILITIES = (
     "report", "prescribe", "load", "surface", "border", "advance", "solve", "force",
     "kick_drift", "reject", "checkpoint", "rehearsal", "contact_weight", "mass_factor",
     "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli", "places",
+    "pore",
 )
 
 # scopes of FORCE
@@ -89,9 +90,9 @@ SCOPES = (
 )
 
 WHATS = (
-    "grains", "contacts", "border", "asleep", "mesh", "facets", "quadrature", "moduli",
+    "grains", "contacts", "border", "asleep", "mesh", "facets", "quadrature", "moduli", "pore",
     "groups", "group", "contact_weight", "kind", "places", "mass_factor", "quad_weight",
-    "initial_stress", "springs", "dead_load",
+    "initial_stress", "springs", "dead_load", "pore_storage",
 )
 
 
@@ -101,19 +102,24 @@ class Field:
     A = "a"
     AHEAD = "ahead"
     ANALYSIS = "analysis"
+    AREA = "area"
     AXES = "axes"
     BORDER_OLD = "border_old"
     BRANCH = "branch"
     BRIEF = "brief"
     CAPABILITIES = "capabilities"
+    COMPRESSIBILITY = "compressibility"
     CONNECTIVITY = "connectivity"
+    CONTENT = "content"
     COUPLE = "couple"
     COUPLE_STRESS = "couple_stress"
+    DARCY = "darcy"
     DECK_HASH = "deck_hash"
     DRIFT = "drift"
     DT = "dt"
     EARLY = "early"
     ELEMENT = "element"
+    ENTERED = "entered"
     ERROR_CODE = "error.code"
     ERROR_HINT = "error.hint"
     ERROR_MESSAGE = "error.message"
@@ -121,6 +127,8 @@ class Field:
     EXPONENT = "exponent"
     FIELDS = "fields"
     FINAL = "final"
+    FLOW_WORK = "flow_work"
+    FLUID_IN = "fluid_in"
     FORCE = "force"
     GRAVITY = "gravity"
     GROUP = "group"
@@ -148,6 +156,7 @@ class Field:
     MICRO_STRESS = "micro_stress"
     MICROMORPHIC = "micromorphic"
     MICROPOLAR = "micropolar"
+    MOBILITY = "mobility"
     MODULI = "moduli"
     MOMENT = "moment"
     MOMENT_IMPULSE = "moment_impulse"
@@ -158,6 +167,7 @@ class Field:
     NODE_PHI = "node_phi"
     NORMAL = "normal"
     OMEGA = "omega"
+    P = "p"
     PATH = "path"
     PHI = "phi"
     PHI_ACCELERATION = "phi_acceleration"
@@ -189,6 +199,7 @@ class Field:
     STEPS = "steps"
     STIFFNESS = "stiffness"
     STIFFNESS_PHI = "stiffness_phi"
+    STORAGE = "storage"
     STRESS = "stress"
     STRETCH = "stretch"
     SUBSTEPS = "substeps"
@@ -222,10 +233,7 @@ REQUESTS = {
         ("restart", "text", "text", "both", True),
         ("protocol", "integer", "(1)", "both", True),
     ),
-    "DESCRIBE": (
-        ("what", "text", "text", "both", True),
-        ("group", "text", "text", "both", False),
-    ),
+    "DESCRIBE": (("what", "text", "text", "both", True), ("group", "text", "text", "both", False),),
     "SELECT": (
         ("set", "text", "text", "both", True),
         ("role", "text", "text", "both", True),
@@ -235,16 +243,10 @@ REQUESTS = {
         ("triangle", "integer", "(3, triangles)", "grains", False),
         ("material", "text", "text", "grains", False),
     ),
-    "SET": (
-        ("what", "text", "text", "both", True),
-    ),
-    "READY": (
-        ("rehearsal", "integer", "(1)", "both", False),
-    ),
+    "SET": (("what", "text", "text", "both", True),),
+    "READY": (("rehearsal", "integer", "(1)", "both", False),),
     "ADVANCE": (),
-    "SOLVE": (
-        ("trial", "integer", "(1)", "both", False),
-    ),
+    "SOLVE": (("trial", "integer", "(1)", "both", False),),
     "FORCE": (
         ("scope", "text", "text", "both", False),
         ("set", "text", "text", "solid", False),
@@ -256,19 +258,11 @@ REQUESTS = {
         ("brief", "integer", "(1)", "both", False),
         ("ahead", "integer", "(1)", "grains", False),
     ),
-    "ACCEPT": (
-        ("final", "integer", "(1)", "both", False),
-    ),
+    "ACCEPT": (("final", "integer", "(1)", "both", False),),
     "REJECT": (),
-    "CHECKPOINT": (
-        ("tag", "text", "text", "both", False),
-    ),
-    "WRITE": (
-        ("tag", "text", "text", "both", False),
-    ),
-    "STOP": (
-        ("early", "integer", "(1)", "both", False),
-    ),
+    "CHECKPOINT": (("tag", "text", "text", "both", False),),
+    "WRITE": (("tag", "text", "text", "both", False),),
+    "STOP": (("early", "integer", "(1)", "both", False),),
     "ABORT": (),
     "WAKE": (
         ("id", "integer", "(given)", "both", True),
@@ -288,9 +282,7 @@ REQUESTS = {
         ("knots", "integer", "(histories)", "both", False),
         ("stretch", "real", "(9, knots)", "both", False),
     ),
-    "SLEEP": (
-        ("id", "integer", "(given)", "both", True),
-    ),
+    "SLEEP": (("id", "integer", "(given)", "both", True),),
     "RELAX": (
         ("id", "integer", "(given)", "both", True),
         ("steps", "integer", "(1)", "both", True),
@@ -314,9 +306,7 @@ REQUESTS = {
         ("value", "real", "(set)", "both", True),
         ("value_phi", "real", "(set)", "solid", False),
     ),
-    "SET quad_weight": (
-        ("value", "real", "(points)", "both", True),
-    ),
+    "SET quad_weight": (("value", "real", "(points)", "both", True),),
     "SET initial_stress": (
         ("value", "real", "(6 or 9, points)", "both", True),
         ("couple", "real", "(9, points)", "both", False),
@@ -339,6 +329,10 @@ REQUESTS = {
         ("set", "text", "text", "both", True),
         ("force", "real", "(3, set)", "both", False),
         ("moment", "real", "(3, set)", "both", False),
+    ),
+    "SET pore_storage": (
+        ("set", "text", "text", "both", True),
+        ("value", "real", "(set)", "both", True),
     ),
 }
 
@@ -369,9 +363,7 @@ REPLIES = {
         ("held_phi", "integer", "(3, set)", "solid", False),
         ("speed_phi", "real", "(3, set)", "solid", False),
     ),
-    "SET": (
-        ("step_limit", "real", "(1)", "both", True),
-    ),
+    "SET": (("step_limit", "real", "(1)", "both", True),),
     "READY": (
         ("substeps", "integer", "(1)", "grains", True),
         ("iterations", "integer", "(1)", "solid", True),
@@ -390,18 +382,11 @@ REPLIES = {
         ("border_old", "integer", "(1)", "grains", False),
         ("scalars", "real", "(19)", "both", False),
     ),
-    "KICK_DRIFT": (
-        ("scalars", "real", "(19)", "both", False),
-    ),
+    "KICK_DRIFT": (("scalars", "real", "(19)", "both", False),),
     "ACCEPT": (),
     "REJECT": (),
-    "CHECKPOINT": (
-        ("path", "text", "text", "both", True),
-        ("hash", "text", "text", "both", True),
-    ),
-    "WRITE": (
-        ("path", "text", "text", "both", True),
-    ),
+    "CHECKPOINT": (("path", "text", "text", "both", True), ("hash", "text", "text", "both", True),),
+    "WRITE": (("path", "text", "text", "both", True),),
     "STOP": (),
     "ABORT": (),
     "WAKE": (
@@ -410,9 +395,7 @@ REPLIES = {
         ("pressure", "real", "(1)", "both", False),
         ("substeps", "integer", "(1)", "both", False),
     ),
-    "SLEEP": (
-        ("step_limit", "real", "(1)", "both", True),
-    ),
+    "SLEEP": (("step_limit", "real", "(1)", "both", True),),
     "RELAX": (
         ("substeps", "integer", "(1)", "both", True),
         ("unbalanced", "real", "(1)", "both", True),
@@ -437,9 +420,7 @@ REPLIES = {
         ("force", "real", "(3, contacts)", "both", True),
         ("stiffness", "real", "(2, contacts)", "both", True),
     ),
-    "DESCRIBE border": (
-        ("id", "integer", "(members)", "both", True),
-    ),
+    "DESCRIBE border": (("id", "integer", "(members)", "both", True),),
     "DESCRIBE asleep": (
         ("id", "integer", "(members)", "both", True),
         ("x", "real", "(3, members)", "both", True),
@@ -474,9 +455,15 @@ REPLIES = {
         ("law", "integer", "(elements)", "both", False),
         ("tangent", "real", "(2025, laws)", "both", False),
     ),
-    "DESCRIBE groups": (
-        ("names", "text", "text", "both", True),
+    "DESCRIBE pore": (
+        ("id", "integer", "(hull)", "both", True),
+        ("x", "real", "(3, hull)", "grains", True),
+        ("area", "real", "(6, hull)", "grains", True),
+        ("storage", "real", "(hull)", "grains", True),
+        ("mobility", "real", "(hull)", "both", True),
+        ("compressibility", "real", "(hull)", "both", True),
     ),
+    "DESCRIBE groups": (("names", "text", "text", "both", True),),
     "DESCRIBE group": (
         ("id", "integer", "(members)", "both", True),
         ("element", "integer", "(given)", "solid", False),
@@ -518,6 +505,11 @@ SET_REQUESTS = {
         ("moment", "real", "(3, set)", "both", False),
     ),
     "solid report": (),
+    "grains pore": (
+        ("p", "real", "(set)", "both", False),
+        ("v", "real", "(3, set)", "both", False),
+    ),
+    "solid pore": (("fluid_in", "real", "(set)", "both", False),),
 }
 
 # fields of sets in a reply: 'side role'
@@ -587,5 +579,21 @@ SET_REPLIES = {
         ("phi_rate", "real", "(3, set)", "both", False),
         ("phi_acceleration", "real", "(3, set)", "both", False),
         ("moment", "real", "(3, set)", "both", False),
+    ),
+    "grains pore": (
+        ("force", "real", "(3, set)", "both", True),
+        ("fluid_in", "real", "(set)", "both", True),
+        ("work", "real", "(1)", "both", True),
+        ("content", "real", "(1)", "both", True),
+        ("entered", "real", "(1)", "both", True),
+        ("flow_work", "real", "(1)", "both", True),
+        ("darcy", "real", "(1)", "both", True),
+    ),
+    "solid pore": (
+        ("p", "real", "(set)", "both", True),
+        ("content", "real", "(1)", "both", True),
+        ("entered", "real", "(1)", "both", True),
+        ("flow_work", "real", "(1)", "both", True),
+        ("darcy", "real", "(1)", "both", True),
     ),
 }
