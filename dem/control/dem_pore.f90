@@ -16,7 +16,7 @@ module dem_pore
   use dem_pore_exchange, only: begin_exchange, end_exchange
   use dem_pore_grid, only: brick_edges
   use dem_pore_side, only: side_mean
-  use dem_pore_operator, only: storage
+  use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
   implicit none
   private
@@ -67,19 +67,19 @@ contains
     integer(i4) :: before
 
     before = errors%count
-    call check_run(deck, served, ranks, errors)
+    call check_run(deck, ranks, errors)
     self%active = deck%count('pore_grid') > 0
     if (.not. self%active .or. errors%count > before) return
     self%curves = curves
     call read_liquid(deck, d%pore, errors)
     call deck%get('pore_grid', 1, 'carried', self%carried)
     call deck%get('pore_grid', 1, 'cavitation', self%cavitation)
-    call read_drains(deck, curves, d%pore, self%curve, errors)
+    call read_drains(deck, curves, served, d%pore, self%curve, errors)
     self%value = d%pore%drain_value
     call read_grid(deck, d, errors)
     if (errors%count > before) return
     call begin_pore(d%grains, d%pore)
-    call check_start(deck, d, errors)
+    call check_start(deck, served, d, errors)
     if (errors%count > before) return
     if (self%carried) call carry_liquid(d)
     d%pore%active = .true.
@@ -220,7 +220,7 @@ contains
     integer(i4) :: k
     if (.not. self%history%is_open()) return
     associate (pore => d%pore, s => d%pore%sums)
-      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+      call node_storage(pore, c)
       side = [(side_mean(d%pore, k), k=1, 6)]
       rest = hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale*d%par%gravity)
       call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &

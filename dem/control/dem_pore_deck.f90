@@ -25,9 +25,8 @@ module dem_pore_deck
 contains
 
   !> What the liquid cannot do yet (D366), and groups that are alone (D364).
-  subroutine check_run(deck, served, ranks, errors)
+  subroutine check_run(deck, ranks, errors)
     type(deck_type), intent(in) :: deck
-    logical, intent(in) :: served
     integer(i4), intent(in) :: ranks
     type(error_list_type), intent(inout) :: errors
     character(len=12), parameter :: others(12) = [character(len=12) :: 'cell', 'surface', &
@@ -56,8 +55,6 @@ contains
     if (carried .and. deck%count('relaxation') > 0) &
       call deck%fault(errors, 'D366', 'in &relaxation masses are no masses: grains carry none '// &
                       'of the liquid', 'pore_grid', 1, 'carried', 'set carried = .false.')
-    if (served) call deck%fault(errors, 'D366', 'a liquid among the grains does not work under '// &
-      'a partner', 'pore_grid', 1, '', 'run talus-dem alone')
     if (ranks > 1) call deck%fault(errors, 'D366', 'a liquid among the grains works on one '// &
       'rank, not on '//str(ranks), 'pore_grid', 1, '', 'use threads')
   end subroutine check_run
@@ -105,9 +102,10 @@ contains
 
   !> Sides that let liquid through, each once (D364); a liquid that cannot be compressed needs a
   !! pressure that is held (D368).
-  subroutine read_drains(deck, curves, pore, curve, errors)
+  subroutine read_drains(deck, curves, served, pore, curve, errors)
     type(deck_type), intent(in) :: deck
     type(curve_type), intent(in) :: curves(:)
+    logical, intent(in) :: served  !! a partner may hold pressures
     type(dem_pore_type), intent(inout) :: pore
     integer(i4), intent(inout) :: curve(2, 3)
     type(error_list_type), intent(inout) :: errors
@@ -129,7 +127,7 @@ contains
       call deck%get('drain', k, key, pore%drain_value(end, axis))
       call curve_index(deck, 'D250', curves, 'drain', k, curve(end, axis), errors)
     end do
-    if (pore%liquid%compliance > 0.0_wp .or. any(pore%drain == drain_pressure)) return
+    if (served .or. pore%liquid%compliance > 0.0_wp .or. any(pore%drain == drain_pressure)) return
     call deck%fault(errors, 'D368', 'the liquid cannot be compressed and no pressure is held: '// &
                     'its pressure is not known', 'pore_grid', 1, '', 'hold a side with &drain '// &
                     'pressure, or give the liquid a bulk_modulus')
@@ -234,15 +232,17 @@ contains
     end do
   end subroutine check_servos
 
-  !> All grains in the grid (D372), grains in all bricks of the bed (D371).
-  subroutine check_start(deck, d, errors)
+  !> All grains in the grid (D372), grains in all bricks of the bed (D371). A partner's ghosts may
+  !! be outside and are not known yet: N226 tells later of others.
+  subroutine check_start(deck, served, d, errors)
     type(deck_type), intent(in) :: deck
+    logical, intent(in) :: served
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
     real(wp) :: centre(3)
     integer(i4) :: i, c
     associate (pore => d%pore)
-      do i = 1, d%grains%n
+      do i = 1, merge(0, d%grains%n, served)
         if (brick_of(pore%grid, 1.0_wp/brick_edges(pore%grid), d%grains%x(:, i)) > 0) cycle
         call deck%fault(errors, 'D372', 'grain '//str(d%grains%id(i))//' at '// &
                         str(d%grains%x(:, i))//' m is outside the grid', 'pore_grid', 1, '', &

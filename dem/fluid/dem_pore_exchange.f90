@@ -10,15 +10,16 @@ module dem_pore_exchange
   use talus_text, only: str
   use talus_log, only: short_number
   use dem_integrate, only: motion_type, motion_of
-  use dem_state, only: dem_data_type, kind_free
-  use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
-    sum_drag, sum_exchange, sum_seepage
+  use dem_state, only: dem_data_type, kind_free, kind_ghost
+  use dem_pore_state, only: dem_pore_type, sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, &
+    sum_darcy, sum_drag, sum_exchange, sum_seepage
   use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
   use dem_pore_hold, only: hold_nodes, hold_pressures, add_sources, find_empty
   use dem_pore_drag, only: set_drag
   use dem_pore_medium, only: count_pores, set_mobility, see_flow
-  use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, storage, brick_matrices
+  use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, brick_matrices
+  use dem_pore_partner, only: add_partner, book_partner, move_partner, node_storage
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
@@ -33,8 +34,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time
     real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before
-    real(wp) :: span, power, stored, work(2), field(4, 3, brick_count(d%pore%grid))
-    integer(i4) :: a
+    real(wp) :: span, power, field(4, 3, brick_count(d%pore%grid))
 
     if (.not. d%pore%open) return
     associate (pore => d%pore)
@@ -43,11 +43,12 @@ contains
       call fit_ways(pore%grid, pore%fit, d%grains%x, field)
       call compress(pore%grid, field, moved)
       call hull_motion(d, .true., hull)
+      call add_partner(pore, span, hull)
       flow = 0.0_wp
       call add_flow(pore%grid, pore%mobility, pore%p, flow, power)
       source = 0.0_wp
       call add_sources(pore, source)
-      call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+      call node_storage(pore, c)
       before = pore%omega
       pore%omega = before + moved + hull - span*(flow - source)
       inflow = 0.0_wp
@@ -55,28 +56,47 @@ contains
         inflow = c*pore%hold_p - pore%omega
         pore%omega = c*pore%hold_p
       end where
-      stored = 0.5_wp*sum(c*pore%p**2)
-      associate (s => pore%sums)
-        s(sum_swept) = s(sum_swept) + sum(hull)
-        s(sum_inflow) = s(sum_inflow) + sum(inflow) + span*sum(source)
-        s(sum_hull) = s(sum_hull) + sum(pore%p*hull)
-        s(sum_flow) = s(sum_flow) + sum(pore%p*(inflow + span*source))
-        s(sum_darcy) = s(sum_darcy) + span*power
-        work = force_work(d)
-        s(sum_work) = s(sum_work) + work(1)
-        s(sum_drag) = s(sum_drag) - work(2)
-        s(sum_exchange) = s(sum_exchange) + sum(pore%p*(pore%omega - before)) &
-                          - (stored - pore%stored)
-        do a = 1, size(pore%hold)
-          if (pore%hold(a) == 0) cycle
-          s(sum_seepage + pore%hold(a)) = s(sum_seepage + pore%hold(a)) - span*flow(a)
-        end do
-      end associate
-      pore%stored = stored
+      call add_up(d, hull, inflow, span*source, span*power)
+      pore%sums(sum_exchange) = pore%sums(sum_exchange) + sum(pore%p*(pore%omega - before)) &
+                                - (0.5_wp*sum(c*pore%p**2) - pore%stored)
+      pore%stored = 0.5_wp*sum(c*pore%p**2)
+      call add_seepage(pore, span*flow)
+      call book_partner(pore, span, inflow, hydrostatic(pore%grid, &
+                        pore%liquid%density*d%par%gravity_scale*d%par%gravity))
+      call move_partner(pore, span)
       pore%open = .false.
       call book_liquid(d)
     end associate
   end subroutine end_exchange
+
+  !> Volumes and works of an exchange into the sums.
+  subroutine add_up(d, hull, inflow, source, lost)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: hull(:), inflow(:), source(:)  !! (nodes) [m^3]
+    real(wp), intent(in) :: lost                           !! to the flow [J]
+    real(wp) :: work(2)
+    work = force_work(d)
+    associate (s => d%pore%sums, p => d%pore%p)
+      s(sum_swept) = s(sum_swept) + sum(hull)
+      s(sum_inflow) = s(sum_inflow) + sum(inflow) + sum(source)
+      s(sum_hull) = s(sum_hull) + sum(p*hull)
+      s(sum_flow) = s(sum_flow) + sum(p*(inflow + source))
+      s(sum_darcy) = s(sum_darcy) + lost
+      s(sum_work) = s(sum_work) + work(1)
+      s(sum_drag) = s(sum_drag) - work(2)
+    end associate
+  end subroutine add_up
+
+  !> What Darcy's flow brought to the nodes whose pressure is held, by their sides.
+  subroutine add_seepage(pore, gone)
+    type(dem_pore_type), intent(inout) :: pore
+    real(wp), intent(in) :: gone(:)  !! (nodes) [m^3]
+    integer(i4) :: a, k
+    do a = 1, size(pore%hold)
+      k = pore%hold(a)
+      if (k > 0) pore%sums(sum_seepage + k) = pore%sums(sum_seepage + k) - gone(a)
+    end do
+  end subroutine add_seepage
 
   !> Work of the forces -D'p and of the drag on all grains since the exchange began, by their ways:
   !! the ledger closes if it is -p D dx [J].
@@ -149,6 +169,8 @@ contains
         fit%inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
                                  d%grains%kind(:d%grains%n) == kind_free)
       end if
+      if (any(d%grains%kind(:d%grains%n) == kind_ghost)) &
+        fit%counts = d%grains%kind(:d%grains%n) /= kind_ghost
       call make_fit(d%pore%grid, d%pore%start_x, d%pore%volume, fit)
     end associate
   end subroutine fit_here
@@ -210,9 +232,10 @@ contains
       allocate (e%matrix(8, 8, brick_count(pore%grid)), e%storage(size(pore%p)))
       call compress(pore%grid, field, rate)
       call hull_motion(d, .false., hull)
+      call add_partner(pore, 1.0_wp, hull)
       rate = rate + hull
       call add_sources(pore, rate)
-      call storage(pore%grid, pore%porosity, pore%liquid%compliance, e%storage)
+      call node_storage(pore, e%storage)
       call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
       e%rhs = pore%omega + pore%span*rate

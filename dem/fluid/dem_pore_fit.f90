@@ -17,6 +17,7 @@ module dem_pore_fit
 contains
 
   !> Grains into bricks, and the fit of each. Inverse masses are there; without, nothing gives way.
+  !! Ghosts do not count: what moves them bears no force of the liquid but that on its side.
   subroutine make_fit(grid, x, volume, fit)
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: x(:, :)    !! (3, grains) [m]
@@ -69,6 +70,7 @@ contains
       fit%brick(i) = brick_of(grid, scale, x(:, i))
     end do
     !$omp end parallel do
+    if (allocated(fit%counts)) where (.not. fit%counts) fit%brick = -1
     allocate (next(brick_count(grid) + 1), source=0)
     do i = 1, size(x, 2)
       c = fit%brick(i)
@@ -81,7 +83,7 @@ contains
     fit%start = next
     do i = 1, size(x, 2)
       c = fit%brick(i)
-      if (c == 0) cycle
+      if (c <= 0) cycle
       fit%grain(next(c)) = i
       next(c) = next(c) + 1
     end do

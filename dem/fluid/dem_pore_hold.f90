@@ -1,7 +1,8 @@
-!> Nodes whose pressure is held: those of drained sides, and those of still water above the bed.
+!> Nodes whose pressure is held: those of drained sides, those of still water above the bed, and
+!! those of a partner.
 module dem_pore_hold
   use talus_kinds, only: wp, i4
-  use dem_pore_state, only: dem_pore_type, drain_pressure, drain_flux
+  use dem_pore_state, only: dem_pore_type, drain_pressure, drain_flux, by_partner
   use dem_pore_grid, only: brick_count, node_count, corners_of, place_in, on_side, side_share
   implicit none
   private
@@ -41,16 +42,18 @@ contains
         pore%hold(node) = still(c)
       end do
     end if
+    if (pore%partner%held) pore%hold(pore%partner%node) = by_partner
     call hold_pressures(pore)
   end subroutine hold_nodes
 
   !> Pressures of the drains to the nodes that they hold.
   subroutine hold_pressures(pore)
     type(dem_pore_type), intent(inout) :: pore
-    real(wp) :: value(0:6)
-    value(0) = 0.0_wp
-    value(1:) = reshape(pore%drain_value, [6])
+    real(wp) :: value(0:by_partner)
+    value = 0.0_wp
+    value(1:6) = reshape(pore%drain_value, [6])
     pore%hold_p = value(pore%hold)
+    if (pore%partner%held) pore%hold_p(pore%partner%node) = pore%partner%p
   end subroutine hold_pressures
 
   !> Side whose still water each brick is of, 0: none.

@@ -25,18 +25,28 @@ contains
     allocate (solid(bricks), surface(bricks), source=0.0_wp)
     do i = 1, size(x, 2)
       call share_grain(pore%grid, x(:, i) - reach(:, i), x(:, i) + reach(:, i), &
-                       [pore%volume(i), pore%area(i)], solid, surface)
+                       [pore%volume(i), pore%area(i)], is_whole(i), solid, surface)
     end do
     pore%porosity = 1.0_wp - solid/product(brick_edges(pore%grid))
     pore%sauter = 6.0_wp*solid/max(surface, tiny(1.0_wp))
+
+  contains
+
+    !> Of a ghost on a side only that part counts that is in the grid.
+    pure logical function is_whole(i)
+      integer(i4), intent(in) :: i
+      is_whole = .true.
+      if (allocated(pore%fit%counts)) is_whole = pore%fit%counts(i)
+    end function is_whole
   end subroutine count_pores
 
   !> One grain's volume and surface into the bricks that its box meets; what is outside the grid
-  !! counts for those inside.
-  pure subroutine share_grain(grid, low, high, amount, solid, surface)
+  !! counts for those inside, if it is to count as a whole.
+  pure subroutine share_grain(grid, low, high, amount, in_whole, solid, surface)
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: low(3), high(3)  !! corners of the box [m]
     real(wp), intent(in) :: amount(2)        !! volume [m^3], surface [m^2]
+    logical, intent(in) :: in_whole
     real(wp), intent(inout) :: solid(:), surface(:)
     integer(i4) :: first(3), last(3), i, j, k, c
     real(wp) :: h(3), whole, part
@@ -50,7 +60,8 @@ contains
     share(:, 1) = min(high, grid%lower + h*(first + 1)) - max(low, grid%lower)
     share(:, 2) = min(high, grid%upper) - (grid%lower + h*(first + 1))
     where (last == first) share(:, 2) = 0.0_wp
-    whole = product(share(:, 1) + share(:, 2))
+    whole = product(high - low)
+    if (in_whole) whole = product(share(:, 1) + share(:, 2))
     do k = first(3), last(3)
       do j = first(2), last(2)
         do i = first(1), last(1)

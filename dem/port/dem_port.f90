@@ -9,7 +9,8 @@ module dem_port
     verb_relax, verb_sleep, verb_wake
   use talus_options, only: options_type
   use talus_port_names, only: field_fields, field_ids, field_set, field_step_limit, &
-    field_substeps, field_value, field_what, role_name, role_surface, what_contact_weight, &
+    field_substeps, field_value, field_what, role_name, role_pore, role_surface, &
+    what_contact_weight, &
     what_kind, what_mass_factor
   use talus_serve, only: server_type, serve_partner, restart_file, limit_told
   use talus_text, only: str, append_string
@@ -23,6 +24,7 @@ module dem_port
   use dem_port_population, only: wake, sleep, relax, set_kinds
   use dem_port_surface, only: select_surface
   use dem_surface_values, only: set_velocities
+  use dem_port_pore, only: select_pore, put_pore_sets
   use dem_port_step, only: advance, force, kick_drift, put_sets
   implicit none
   private
@@ -154,6 +156,9 @@ contains
 
     if (role == role_name(role_surface)) then
       call select_surface(self%model, self%sets, request, name, ids, changed, errors)
+    else if (role == role_name(role_pore)) then
+      changed = .false.
+      call select_pore(self%model, self%sets, request, name, ids, errors)
     else
       wish%name = name
       wish%role = role
@@ -351,6 +356,7 @@ contains
       call system%save()
       self%kept = self%model%clock
       call put_sets(system, self%sets, .true., reply)
+      call put_pore_sets(self%model, self%sets, 0.0_wp, reply)
       call reply%put_int(field_substeps, 0_i4)
       call put_scalars(system, self%late, reply)
     end associate
@@ -439,6 +445,12 @@ contains
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
 
+    if (self%model%pore%active .and. request%verb /= verb_advance) then
+      call errors%add('P259', 'a liquid among the grains does not go with '// &
+                      verb_name(request%verb), request%place(), &
+                      'such grains are moved with ADVANCE alone')
+      return
+    end if
     if (any(request%verb == [verb_force, verb_kick_drift])) call go_alone(self)
     select case (request%verb)
     case (verb_advance)

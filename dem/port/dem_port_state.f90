@@ -4,13 +4,13 @@ module dem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
   use talus_port_names, only: can_advance, can_border, can_checkpoint, can_contact_weight, &
-    can_force, can_kick_drift, can_load, can_mass_factor, can_population, can_prescribe, &
+    can_force, can_kick_drift, can_load, can_mass_factor, can_population, can_pore, can_prescribe, &
     can_rehearsal, can_reject, can_report, can_surface, field_axes, field_branch, &
     field_capabilities, field_deck_hash, field_dt, field_force, field_gravity, field_id, &
     field_ids, field_inertia, field_kind, field_mass, field_motion, field_names, field_normal, &
     field_point, field_program, field_quat, field_radius, field_ranks, field_scalars, &
     field_step_limit, field_stiffness, field_t_end, field_time, field_version, field_x, &
-    what_asleep, what_border, what_contacts, what_grains, what_group, what_groups
+    what_asleep, what_border, what_contacts, what_grains, what_group, what_groups, what_pore
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, scalar_plastic, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
@@ -24,7 +24,8 @@ module dem_port_state
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_model, only: dem_model_type, program_name
   use dem_surface_measure, only: vertex_stiffness
-  use dem_sets, only: dem_set_type, role_surface, role_border
+  use dem_port_pore, only: describe_pore
+  use dem_sets, only: dem_set_type, role_surface, role_border, role_pore
   use dem_state, only: mode_relaxation
   implicit none
   private
@@ -34,6 +35,9 @@ module dem_port_state
     ','//can_surface//','//can_border//','//can_advance//','//can_force//','//can_kick_drift// &
     ','//can_reject//','//can_checkpoint//','//can_rehearsal//','//can_contact_weight//','// &
     can_mass_factor//','//can_population
+  !> With a liquid among the grains whole intervals alone.
+  character(len=*), parameter :: with_liquid = can_report//','//can_prescribe//','//can_advance// &
+    ','//can_reject//','//can_checkpoint//','//can_mass_factor//','//can_pore
 
 contains
 
@@ -44,7 +48,11 @@ contains
     call reply%put_text(field_program, program_name)
     call reply%put_text(field_version, version_text())
     call reply%put_text(field_deck_hash, model%deck%hash())
-    call reply%put_text(field_capabilities, capabilities)
+    if (model%pore%active) then
+      call reply%put_text(field_capabilities, with_liquid)
+    else
+      call reply%put_text(field_capabilities, capabilities)
+    end if
     call reply%put(field_gravity, model%system%par%gravity_scale*model%system%par%gravity)
     call reply%put(field_time, model%clock%time())
     call reply%put(field_t_end, model%clock%t_end)
@@ -78,6 +86,8 @@ contains
     case (what_border)
       call find_border(model%system%dem_data_type, near)
       call reply%put_int(field_id, model%system%grains%id(near))
+    case (what_pore)
+      call describe_pore(model, reply, errors)
     case (what_groups)
       names = ''
       do k = 1, size(model%packing%group)
@@ -95,7 +105,7 @@ contains
       end if
     case default
       call errors%add('P255', "talus-dem cannot describe '"//what//"'", 'exchange port, DESCRIBE', &
-                      'valid are grains, contacts, asleep, border, groups and group')
+                      'valid are grains, contacts, asleep, border, pore, groups and group')
     end select
   end subroutine reply_describe
 
@@ -156,7 +166,7 @@ contains
     type(error_list_type) :: none
     integer(i4) :: k
 
-    if (set%role == role_border) return
+    if (set%role == role_border .or. set%role == role_pore) return
     if (set%role == role_surface) then
       stiffness = vertex_stiffness(system%dem_data_type, set%body)
       call reply%put(field_mass, 0.0_wp*stiffness)

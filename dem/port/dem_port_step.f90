@@ -17,7 +17,8 @@ module dem_port_step
   use dem_passages, only: name_passage
   use dem_parts_forces, only: begin_ahead, forces_on_rim, stage_reported
   use dem_sets, only: dem_sets_type, dem_set_type, role_prescribe, role_load, role_report, &
-    role_surface, role_border
+    role_surface, role_border, role_pore
+  use dem_port_pore, only: fit_exchanges, put_pore_sets, take_side_motion, wet_steps
   use dem_port_surface, only: take_vertices, place_vertices, put_vertices
   use dem_port_state, only: put_scalars
   implicit none
@@ -49,6 +50,8 @@ contains
       if (sets%set(k)%role == role_surface) &
         call take_vertices(model%system, sets%set(k), request, &
                            substeps*model%system%par%dt, errors)
+      if (sets%set(k)%role == role_pore) &
+        call take_side_motion(model, sets%set(k), request, errors)
     end do
     call request%all_read(errors)
     if (errors%any()) return
@@ -56,12 +59,17 @@ contains
     if (errors%any()) return
     call model%system%reset_impulses()
     call model%timers%start('steps')
-    call model%system%step(substeps, errors)
+    if (model%pore%active) then
+      call wet_steps(model, request%t1, substeps, errors)
+    else
+      call model%system%step(substeps, errors)
+    end if
     call model%timers%stop('steps')
     call model%clock%jump(request%t1, substeps)
     if (errors%any()) return
     call model%system%gather()
     call put_sets(model%system, sets, .true., reply)
+    call put_pore_sets(model, sets, substeps*model%system%par%dt, reply)
     call reply%put_int(field_substeps, substeps)
     call put_scalars(model%system, late, reply)
   end subroutine advance
@@ -94,6 +102,7 @@ contains
     span = t1 - model%clock%time()
     if (model%clock%automatic) then
       substeps = max(1_i4, ceiling(span/model%automatic_dt() - round_off))
+      call fit_exchanges(model, .true., substeps, errors)
       dt = span/substeps
       if (abs(dt - model%system%par%dt) <= round_off*dt) dt = model%system%par%dt
     else
@@ -106,6 +115,7 @@ contains
                         'grains'' deck')
         return
       end if
+      call fit_exchanges(model, .false., substeps, errors)
       if (dt > model%system%step_limit()) model%clock%unstable = model%clock%unstable + 1
     end if
     model%clock%dt = dt

@@ -4,7 +4,7 @@ module dem_sets
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_port_names, only: role_border, role_load, role_number, role_prescribe, role_report, &
-    role_surface
+    role_pore, role_surface
   use dem_make, only: prescribe_some
   use dem_state, only: kind_free, kind_ghost
   use dem_system, only: dem_system_type
@@ -12,13 +12,13 @@ module dem_sets
   implicit none
   private
   public :: dem_set_type, dem_sets_type, selection_type, role_report, role_prescribe, role_load, &
-    role_surface, role_border
+    role_surface, role_border, role_pore
 
   type :: dem_set_type
     character(len=:), allocatable :: name
     character(len=:), allocatable :: fields  !! what replies hold, ',a,b,'; ',,' for the usual
     integer(i4) :: role = 0
-    integer(i4), allocatable :: index(:)     !! of the grains
+    integer(i4), allocatable :: index(:)     !! of the grains, or nodes of the liquid's grid
     integer(i4) :: body = 0                  !! of a surface
   contains
     procedure :: wants
@@ -133,13 +133,13 @@ contains
     self%set(k)%body = body
   end subroutine put_set
 
-  !> Sets of grains are gone; those of surfaces stay.
+  !> Sets of grains are gone; those of surfaces and of the liquid stay.
   subroutine forget_grains(self)
     class(dem_sets_type), intent(inout) :: self
     integer(i4) :: k, n
     n = 0
     do k = 1, self%count
-      if (self%set(k)%role /= role_surface) cycle
+      if (self%set(k)%role /= role_surface .and. self%set(k)%role /= role_pore) cycle
       n = n + 1
       if (n < k) call move_set(self%set(k), self%set(n))
     end do
@@ -161,9 +161,9 @@ contains
     integer(i4), intent(out) :: role
     type(error_list_type), intent(inout) :: errors
     role = role_number(name)
-    if (role == 0 .or. role == role_surface) &
+    if (role == 0 .or. role == role_surface .or. role == role_pore) &
       call errors%add('P250', "there is no role '"//name//"' for grains", 'exchange port, SELECT', &
-                      'roles: report, prescribe, load, surface, border')
+                      'roles: report, prescribe, load, surface, border, pore')
   end subroutine role_of
 
   !> Turn grains into ghosts at rest; only before the first step (P253).

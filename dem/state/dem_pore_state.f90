@@ -4,17 +4,20 @@ module dem_pore_state
   use talus_kinds, only: wp, i4, i8
   implicit none
   private
-  public :: pore_grid_type, pore_liquid_type, pore_fit_type, dem_pore_type
-  public :: drain_none, drain_pressure, drain_flux
+  public :: pore_grid_type, pore_liquid_type, pore_fit_type, pore_partner_type, dem_pore_type
+  public :: drain_none, drain_pressure, drain_flux, by_partner
   public :: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, sum_drag, &
-    sum_exchange, sum_seepage, pore_sums
+    sum_exchange, sum_seepage, sum_partner, pore_sums
 
   integer(i4), parameter :: drain_none = 0, drain_pressure = 1, drain_flux = 2
   !> Rows of sums: volumes [m^3] that moving walls have swept and that came in through drains; work
   !! of walls and drains on the liquid, of the liquid on the grains; losses to Darcy's flow and to
-  !! drag within bricks, and what the exchange itself takes [J]; volume out by Darcy's flow, a side.
+  !! drag within bricks, and what the exchange itself takes [J]; volume out by Darcy's flow, a side,
+  !! and where a partner holds the pressures; volume in from there.
   integer(i4), parameter :: sum_swept = 1, sum_inflow = 2, sum_hull = 3, sum_flow = 4, &
-    sum_work = 5, sum_darcy = 6, sum_drag = 7, sum_exchange = 8, sum_seepage = 8, pore_sums = 14
+    sum_work = 5, sum_darcy = 6, sum_drag = 7, sum_exchange = 8, sum_seepage = 8, &
+    sum_partner = 16, pore_sums = 16
+  integer(i4), parameter :: by_partner = 7  !! of `hold`, behind the sides
 
   !> A box of equal bricks; nodes and bricks are counted along x first, then y, then z. Sides are
   !! x0, x1, y0, y1, z0, z1: (end, axis).
@@ -38,7 +41,8 @@ module dem_pore_state
   !! edges, from its centre.
   type :: pore_fit_type
     logical :: ready = .false.
-    integer(i4), allocatable :: brick(:)        !! (grains) 0: outside the grid
+    logical, allocatable :: counts(:)           !! (grains) not ghosts; not allocated: all count
+    integer(i4), allocatable :: brick(:)        !! (grains) 0: outside the grid, -1: a ghost
     integer(i4), allocatable :: start(:)        !! (bricks+1) first of its grains
     integer(i4), allocatable :: grain(:)        !! by brick, in rising order
     real(wp), allocatable :: local(:, :)        !! (3, grains) place in the brick, as `grain` [-]
@@ -47,6 +51,19 @@ module dem_pore_state
     real(wp), allocatable :: inverse(:, :, :)   !! (4, 4, bricks) A^-1 [1/m^3]
     real(wp), allocatable :: yield(:, :, :)     !! (4, 4, bricks) A^-1 B A^-1 [1/kg]
   end type pore_fit_type
+
+  !> A side of the grid that is a partner's: it moves as the partner says, and is impervious, or has
+  !! the partner's pressures. Nodal values are in the order of `node`, which rises.
+  type :: pore_partner_type
+    integer(i4) :: side = 0                      !! x0 x1 y0 y1 z0 z1, 0: none
+    logical :: held = .false.                    !! the pressures are the partner's
+    integer(i4), allocatable :: node(:)
+    real(wp), allocatable :: p(:)                !! pressure over the hydrostatic [Pa]
+    real(wp), allocatable :: v(:)                !! velocity along the axis [m/s]
+    real(wp), allocatable :: inflow(:)           !! since the interval began [m^3]
+    real(wp), allocatable :: impulse(:)          !! on the side, along its normal [N s]
+    real(wp) :: work = 0.0_wp                    !! of the side on the liquid in the interval [J]
+  end type pore_partner_type
 
   !> The whole.
   type :: dem_pore_type
@@ -77,11 +94,12 @@ module dem_pore_state
     real(wp), allocatable :: sauter(:)           !! (bricks) diameter of Sauter [m]
     real(wp), allocatable :: speed(:)            !! (bricks) |w|, as the law sees it [m/s]
     real(wp), allocatable :: mobility(:)         !! (bricks) k/viscosity [m^2/(Pa s)]
-    integer(i4), allocatable :: hold(:)          !! (nodes) 0: free, else the side
+    integer(i4), allocatable :: hold(:)          !! (nodes) 0: free, else the side, or by_partner
     real(wp), allocatable :: hold_p(:)           !! (nodes) pressure where it is held [Pa]
     real(wp) :: stored = 0.0_wp                  !! p C p/2 at the end of the last exchange [J]
     real(wp) :: sums(pore_sums) = 0.0_wp         !! sum_... since the start
     integer(i4) :: turns = 0                     !! of the solver, in the last exchange
+    type(pore_partner_type) :: partner
     type(pore_fit_type) :: fit                   !! where the exchange began; made from start_x
   end type dem_pore_type
 end module dem_pore_state

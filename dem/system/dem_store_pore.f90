@@ -51,7 +51,7 @@ contains
     end if
     associate (pore => d%pore)
       call archive%get_reals('pore.nodes', size(pore%p, kind=i4), 3, nodes, errors)
-      call archive%get_integers('pore.hold', 1, size(pore%p, kind=i4), hold, errors, [0_i8, 6_i8])
+      call archive%get_integers('pore.hold', 1, size(pore%p, kind=i4), hold, errors, [0_i8, 7_i8])
       call archive%get_reals('pore.bricks', size(pore%porosity, kind=i4), 5, bricks, errors)
       call archive%get_reals('pore.run', run_reals, 1, run, errors)
       call archive%get_integers('pore.counts', 3, 1, counts, errors, [-1_i8, huge(1_i8)])
