@@ -174,6 +174,7 @@ contains
     self%gross = abs(self%step%dt*self%given)
     call let_in(self%leak, self%step, old(1, :), old(1, :) + moved(1, :), self%rate, self%gross)
     total(1, :) = total(1, :) + self%step%dt*self%rate
+    call self%store_beside(moved, total)
     do k = 1, size(dofs%wet)
       total(1, dofs%wet(k)) = total(1, dofs%wet(k)) + volume(1, k)
       self%gross(dofs%wet(k)) = self%gross(dofs%wet(k)) + abs(volume(1, k)) + least*volume(2, k)
@@ -260,6 +261,11 @@ contains
     integer(i4) :: e, rule
     if (.not. self%active) return
     call add_leaks(self%leak, self%step, pattern, k)
+    if (allocated(self%beside)) then
+      do e = dofs%solid + 1, dofs%blocks
+        k(1, 1, pattern%start(e)) = k(1, 1, pattern%start(e)) - self%beside(e)
+      end do
+    end if
     rule = 0
     do e = 1, mesh%elements
       if (self%skeleton_of(e) == 0) cycle
@@ -290,6 +296,7 @@ contains
     real(wp), intent(in) :: old(:, :), u(:, :)  !! (3, blocks)
     type(fem_flow_energy_type), intent(out) :: energy
     real(wp) :: part(5, chunks)  !! content and energies
+    real(wp) :: kept(2)
     real(wp), allocatable :: moved(:, :), gone(:, :)
     integer(i4) :: c
     allocate (moved, gone, mold=u)
@@ -306,7 +313,9 @@ contains
       end if
     end do
     !$omp end parallel do
-    self%books%content = 0.0_wp
+    kept = self%kept_beside(u)
+    self%books%content = kept(1)
+    energy%stored = energy%stored + kept(2)
     do c = 1, chunks
       self%books%content = self%books%content + part(1, c)
       energy%stored = energy%stored + part(2, c)

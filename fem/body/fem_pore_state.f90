@@ -34,6 +34,9 @@ module fem_pore_state
     type(fem_held_pressure_type), allocatable :: held(:)
     type(fem_inflow_type), allocatable :: inflow(:)
     type(fem_leak_type), allocatable :: leak(:)
+    integer(i4) :: partner = 0              !! number of the inflow that is a partner's, 0: none
+    real(wp), allocatable :: beside(:)      !! (blocks) storage of a partner's nodes besides the
+                                            !! pores [m^3/Pa]
     real(wp), allocatable :: given(:)       !! (blocks) inflow of the step, without leaks [m^3/s]
     real(wp), allocatable :: rate(:)        !! (blocks) with leaks [m^3/s]
     real(wp), allocatable :: start(:, :)    !! (3, blocks) state that contents count from
@@ -50,6 +53,10 @@ module fem_pore_state
     procedure :: take_inertia
     procedure :: take_swing
     procedure :: forget_books
+    procedure :: expect_partner
+    procedure :: let_partner_in
+    procedure :: store_beside
+    procedure :: kept_beside
     procedure :: solid_of
     procedure :: enter
     procedure :: accept
@@ -173,6 +180,49 @@ contains
     self%books%through = 0.0_wp
     self%accepted_books = self%books
   end subroutine forget_books
+
+  !> A partner will let liquid in at nodes: an inflow that has no rate yet.
+  subroutine expect_partner(self, blocks)
+    class(fem_pore_state_type), intent(inout) :: self
+    integer(i4), intent(in) :: blocks
+    type(fem_inflow_type), allocatable :: longer(:)
+    self%partner = int(size(self%inflow), i4) + 1
+    allocate (longer(self%partner))
+    longer(:self%partner - 1) = self%inflow
+    longer(self%partner)%name = 'partner'
+    allocate (longer(self%partner)%rate(blocks), source=0.0_wp)
+    call move_alloc(longer, self%inflow)
+    allocate (self%beside(blocks), source=0.0_wp)
+  end subroutine expect_partner
+
+  !> What a partner lets in at blocks in a step of this length.
+  subroutine let_partner_in(self, block, volume, span)
+    class(fem_pore_state_type), intent(inout) :: self
+    integer(i4), intent(in) :: block(:)
+    real(wp), intent(in) :: volume(:)  !! [m^3]
+    real(wp), intent(in) :: span       !! [s]
+    if (self%partner > 0) self%inflow(self%partner)%rate(block) = volume/span
+  end subroutine let_partner_in
+
+  !> Add what nodes store besides the pores in a step, and its size. eq. F.70
+  pure subroutine store_beside(self, moved, total)
+    class(fem_pore_state_type), intent(inout) :: self
+    real(wp), intent(in) :: moved(:, :)     !! (3, blocks)
+    real(wp), intent(inout) :: total(:, :)  !! (3, blocks) [m^3]
+    if (.not. allocated(self%beside)) return
+    total(1, :) = total(1, :) - self%beside*moved(1, :)
+    self%gross = self%gross + self%beside*abs(moved(1, :))
+  end subroutine store_beside
+
+  !> Volume that is stored besides the pores since the start [m^3], and its energy [J].
+  pure function kept_beside(self, u) result(kept)
+    class(fem_pore_state_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)  !! (3, blocks)
+    real(wp) :: kept(2)
+    kept = 0.0_wp
+    if (.not. allocated(self%beside)) return
+    kept = [sum(self%beside*(u(1, :) - self%start(1, :))), 0.5_wp*sum(self%beside*u(1, :)**2)]
+  end function kept_beside
 
   !> Solid and liquid of element e, with its permeability now.
   pure function solid_of(self, e) result(solid)

@@ -10,7 +10,7 @@ module fem_port
   use talus_options, only: options_type
   use talus_port_names, only: field_fields, field_held, field_held_phi, field_inertia, &
     field_iterations, field_mass, field_speed, field_speed_phi, field_step_limit, &
-    field_stiffness, field_stiffness_phi
+    field_stiffness, field_stiffness_phi, role_name, role_pore
   use talus_serve, only: server_type, serve_partner, restart_file, limit_told
   use fem_model, only: fem_model_type, program_name
   use fem_run_files, only: open_run, finish_run, log_row, log_factors
@@ -112,7 +112,7 @@ contains
     if (errors%any()) return
     associate (body => self%model%body)
       call self%sets%select(name, role, fields, ids, body, changed, errors)
-      if (errors%any()) return
+      if (errors%any() .or. role == role_name(role_pore)) return
       if (changed) then
         call body%system%forget_factors()
         call body%system%forget_numbers()

@@ -8,13 +8,14 @@ module fem_port_describe
     field_kind, field_law, field_mass_phi, field_mass_u, field_mean, field_micro_stress, &
     field_micromorphic, field_moduli, field_names, field_node, field_polar, field_start, &
     field_stress, field_tangent, field_weight, field_x, what_facets, what_group, what_groups, &
-    what_moduli, what_quadrature
+    what_moduli, what_pore, what_quadrature
   use fem_types, only: fem_mesh_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
   use fem_mesh, only: find_group, group_hint
   use fem_mm_motion, only: mm_motion_type, mm_force_type, elastic_tangent
   use fem_mm_report, only: uniform_limit
+  use fem_port_pore, only: describe_wet
   use fem_recover, only: point_stress, point_positions, point_weights
   implicit none
   private
@@ -58,6 +59,8 @@ contains
       call describe_points(body, reply)
     case (what_moduli)
       call describe_moduli(body, reply)
+    case (what_pore)
+      call describe_wet(body, reply, errors)
     case (what_groups)
       call reply%put_text(field_names, lines(body%mesh))
     case (what_group)
@@ -76,7 +79,7 @@ contains
       end if
     case default
       call errors%add('P301', "talus-fem cannot describe '"//what//"'", '', &
-                      'choices: mesh, facets, quadrature, moduli, groups and group')
+                      'choices: mesh, facets, quadrature, moduli, pore, groups and group')
     end select
   end subroutine reply_describe
 

@@ -7,13 +7,14 @@ module fem_port_state
   use talus_message, only: message_type, name_length
   use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_force, &
     can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_places, &
-    can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
-    field_analysis, field_capabilities, field_couple, field_deck_hash, field_element, field_force, &
+    can_pore, can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, &
+    can_springs, field_analysis, field_capabilities, field_couple, field_deck_hash, &
+    field_element, field_force, &
     field_gravity, field_micropolar, field_moment, field_node, field_node_phi, field_poisson, &
     field_program, field_ranks, field_scalars, field_set, field_step_limit, field_stiffness, &
     field_stiffness_phi, field_t_end, field_time, field_value, field_value_phi, field_version, &
     field_weight, field_weight_phi, field_what, field_young, what_dead_load, what_initial_stress, &
-    what_mass_factor, what_moduli, what_places, what_quad_weight, what_springs
+    what_mass_factor, what_moduli, what_places, what_pore_storage, what_quad_weight, what_springs
   use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic, scalar_boundary, &
     scalar_plastic, &
     scalar_background_damping, &
@@ -24,6 +25,7 @@ module fem_port_state
   use fem_types, only: fem_springs_type
   use fem_body, only: fem_body_type
   use fem_port_places, only: set_places
+  use fem_port_pore, only: store_at
   use fem_elastic, only: fem_elastic_type, classical
   use fem_micropolar, only: lame_moduli, violated_inequality
   use fem_port_stress, only: set_begun_stress
@@ -49,11 +51,9 @@ contains
     call reply%put_text(field_program, program_name)
     call reply%put_text(field_version, version_text())
     call reply%put_text(field_deck_hash, model%deck%hash())
-    if (model%analysis%solves) then
-      call reply%put_text(field_capabilities, capabilities//','//can_solve)
-    else
-      call reply%put_text(field_capabilities, capabilities)
-    end if
+    call reply%put_text(field_capabilities, capabilities//trim(merge(','//can_solve, '      ', &
+      model%analysis%solves))//trim(merge(','//can_pore, '     ', model%body%pore%active &
+      .and. .not. model%ranks%several())))
     call reply%put_text(field_analysis, model%analysis%kind)
     call reply%put(field_gravity, model%body%loads%gravity)
     call reply%put(field_time, model%body%accepted%time)
@@ -94,12 +94,28 @@ contains
       call set_places(body, request, errors)
     case (what_mass_factor)
       call set_mass_factor(body, sets, request, errors)
+    case (what_pore_storage)
+      call set_storage(body, sets, request, errors)
     case default
-      call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), &
-        'choices: springs, '// &
-                      'dead_load, initial_stress, quad_weight, moduli, places and mass_factor')
+      call errors%add('P301', "talus-fem cannot set '"//what//"'", request%place(), 'choices: '// &
+                      'springs, dead_load, initial_stress, quad_weight, moduli, places, '// &
+                      'pore_storage and mass_factor')
     end select
   end subroutine set_values
+
+  !> Liquid that the nodes of a set store besides the pores.
+  subroutine set_storage(body, sets, request, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_sets_type), intent(in) :: sets
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: name
+    integer(i4) :: k
+    call request%get_text(field_set, name, errors)
+    if (errors%any()) return
+    call find_set(sets, name, k, request, errors)
+    if (.not. errors%any()) call store_at(body, sets%set(k), request, errors)
+  end subroutine set_storage
 
   !> Springs of the partner on displacements, and with `node_phi` on micro-rotations; they replace
   !! those set before.

@@ -6,11 +6,12 @@ module fem_sets
   use talus_message, only: message_type
   use talus_port_names, only: dot_a, dot_force, dot_moment, dot_phi, dot_phi_acceleration, &
     dot_phi_rate, dot_reaction, dot_reaction_moment, dot_u, dot_v, field_phi, field_u, &
-    role_number
+    role_name, role_number, role_pore
   use fem_types, only: fem_set_type, role_report, role_prescribe, role_load, name_length
   use fem_body, only: fem_body_type
   use fem_edge, only: fem_edge_type
   use fem_halo, only: fem_halo_type
+  use fem_port_pore, only: check_wet, put_wet, take_wet
   implicit none
   private
   public :: fem_sets_type
@@ -75,6 +76,7 @@ contains
     if (allocated(self%set(k)%phi)) deallocate (self%set(k)%phi)
     if (allocated(self%set(k)%element)) deallocate (self%set(k)%element)
     allocate (self%set(k)%phi(0))
+    if (role == role_name(role_pore)) self%set(k)%moves = .false.
     if (turns) self%set(k)%phi = [((body%dofs%phi(ids(r)) + c, c=0, body%dofs%parts - 1), &
                                    r=1, int(size(ids), i4))]
     call mark_prescribed(self, body, changed)
@@ -88,9 +90,11 @@ contains
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
+    if (role_number(role) == role_pore) call check_wet(body, name, ids, errors)
+    if (errors%any() .or. role_number(role) == role_pore) return
     if (role_number(role) == 0 .or. role_number(role) > role_load) then
       call errors%add('P301', "talus-fem has no role '"//role//"' for a set", 'set '//name, &
-                      'choices: report, prescribe and load')
+                      'choices: report, prescribe, load and pore')
       return
     end if
     if (any(ids < 1) .or. any(ids > body%mesh%nodes)) then
@@ -223,6 +227,7 @@ contains
     type(message_type), intent(inout) :: reply
     integer(i4) :: s
     do s = 1, self%n
+      if (self%set(s)%role == role_pore) cycle
       call reply%put(trim(self%set(s)%name)//dot_force, -f(:, self%set(s)%node))
       if (size(self%set(s)%phi) > 0) &
         call reply%put(trim(self%set(s)%name)//dot_moment, -f(:, self%set(s)%phi))
@@ -279,6 +284,7 @@ contains
 
     body%port%port_load = 0.0_wp
     do k = 1, self%n
+      if (self%set(k)%role == role_pore) call take_wet(body, self%set(k), request, errors)
       if (self%set(k)%role /= role_load) cycle
       if (self%set(k)%moves) call add(self%set(k)%node, dot_force)
       if (size(self%set(k)%phi) > 0) call add(self%set(k)%phi, dot_moment)
@@ -361,6 +367,10 @@ contains
     integer(i4) :: k
     do k = 1, self%n
       name = trim(self%set(k)%name)
+      if (self%set(k)%role == role_pore) then
+        call put_wet(body, self%set(k), reply)
+        cycle
+      end if
       call reply%put(name//dot_u, body%state%u(:, self%set(k)%node))
       call reply%put(name//dot_v, body%state%v(:, self%set(k)%node))
       call reply%put(name//dot_a, body%state%a(:, self%set(k)%node))

@@ -99,8 +99,8 @@ contains
     if (errors%any()) return
     call element_warnings(self)
     if (self%served) call self%analysis%check_port(self%deck, errors)
-    if (self%served .and. self%body%pore%active) call self%deck%fault(errors, 'D446', &
-      'a coupled run has no pore pressures', 'pore', 1, '', 'leave &pore out under talus-couple')
+    if (self%served .and. self%body%pore%active) &
+      call self%body%pore%expect_partner(self%body%dofs%blocks)
     call self%analysis%read_times(self%deck, self%served, errors)
     call read_storage(self%deck, folder_of(self%options%deck), self%served, &
                       self%body%system%solver)
