@@ -216,6 +216,7 @@ contains
     call grains%start_request(verb_advance, face%step, t0, t1)
     call grains%request%put(ghost_set//dot_x, face%place%x_start + face%motion%d_new(:3, :))
     if (face%transfer%rows > 3) call grains%request%put(ghost_set//dot_quat, face%motion%quat_new)
+    call face%pore%put_grains(grains%request, t1 - t0)
     call grains%ask(timers, errors)
     if (errors%any()) return
     associate (reply => grains%reply)
@@ -227,6 +228,7 @@ contains
       call reply%get(ghost_set//dot_work, face%ledger%step_work, errors)
       call reply%get(field_scalars, face%ledger%grains_new, errors)
       call reply%get_int(field_substeps, substeps, errors)
+      call face%pore%read_grains(reply, errors)
       call reply%all_read(errors)
     end associate
     if (errors%any()) return
@@ -277,6 +279,7 @@ contains
     if (face%transfer%blocks > face%map%nodes) &
       call solid%request%put(phi_set//dot_moment, nodal(:, face%map%nodes + 1:))
     call solid%request%put_int(field_trial, trial)
+    call face%pore%put_solid(solid%request)
     call solid%ask(timers, errors)
     if (errors%any()) return
     call read_solid(face, solid, errors)
@@ -295,6 +298,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call read_motion(face, solid, face%motion%u_new, face%motion%v_new, errors)
     call solid%reply%get(field_scalars, face%ledger%solid_new, errors)
+    call face%pore%read_solid(solid%reply, errors)
   end subroutine read_solid
 
   !> Displacements, micro-rotations and their rates from a reply of the solid.

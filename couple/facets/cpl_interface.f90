@@ -10,6 +10,7 @@ module cpl_interface
   use cpl_interface_state, only: interface_place_type, interface_start_type, &
     interface_motion_type, interface_forces_type, interface_watch_type, interface_ledger_type
   use cpl_pieces, only: pieces_type
+  use cpl_pore, only: pore_link_type
   use cpl_relax, only: relax_type
   use cpl_springs, only: springs_type
   use cpl_transfer, only: transfer_type
@@ -41,6 +42,7 @@ module cpl_interface
     type(interface_forces_type) :: forces
     type(interface_watch_type) :: watch
     type(interface_ledger_type) :: ledger
+    type(pore_link_type) :: pore
   contains
     procedure :: init
     procedure :: resume
@@ -142,6 +144,7 @@ contains
     class(interface_type), intent(inout) :: self
     self%motion%w_new = self%motion%u_new
     call self%follow()
+    call self%pore%follow_facets()
   end subroutine follow_facets
 
   !> Springs are laid where the ghosts are (trial), or ahead of them by a share of the motion of
@@ -194,6 +197,7 @@ contains
       self%motion%w_new = self%motion%u + h*self%motion%v + 0.5_wp*h*(self%motion%v &
       - self%motion%v_before)
     call self%follow()
+    call self%pore%predict(h, self%dynamic)
   end subroutine predict
 
   !> Largest distance between the ghosts (trial) and the facets (trial) [m].
@@ -263,6 +267,7 @@ contains
     self%motion%quat = self%motion%quat_new
     self%ledger%grains = self%ledger%grains_new
     self%ledger%solid = self%ledger%solid_new
+    call self%pore%accept()
     self%ledger%all_iterations = self%ledger%all_iterations + self%ledger%iterations
   end subroutine accept
 
@@ -287,6 +292,6 @@ contains
     class(interface_type), intent(in) :: self
     finite = all(abs(self%motion%u_new) < huge(1.0_wp)) &
       .and. all(abs(self%forces%p_mean) < huge(1.0_wp)) &
-      .and. all(abs(self%forces%p_end) < huge(1.0_wp))
+      .and. all(abs(self%forces%p_end) < huge(1.0_wp)) .and. self%pore%finite()
   end function finite
 end module cpl_interface

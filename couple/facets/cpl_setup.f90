@@ -19,7 +19,7 @@ module cpl_setup
   implicit none
   private
   public :: find_ghosts, find_vertices, find_radii, make_map, select_sets, begin_interface
-  public :: end_rehearsal
+  public :: end_rehearsal, read_mesh
 
   real(wp), parameter :: first_stiffness = 1.5_wp  !! springs over the contacts' stiffness
 
@@ -259,6 +259,7 @@ contains
     if (.not. again) then
       call read_forces(face, solvers(side_grains), p, errors)
       call solvers(side_grains)%reply%get(field_scalars, face%ledger%grains, errors)
+      call face%pore%start_grains(solvers(side_grains)%reply, choices%dead_load, errors)
       if (errors%any()) return
       call face%forces%begin(p)
       call face%watch%note_force(p)
@@ -312,6 +313,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call read_motion(face, solid, face%motion%u, face%motion%v, errors)
     call solid%reply%get(field_scalars, face%ledger%solid, errors)
+    call face%pore%start_solid(solid%reply, errors)
     face%motion%v_before = face%motion%v
     face%motion%u_new = face%motion%u
   end subroutine take_solid

@@ -5,6 +5,7 @@ module cpl_state_file
   use talus_checkpoint, only: checkpoint_type, checkpoint_info_type
   use talus_hdf5, only: h5_file_type
   use cpl_interface, only: interface_type
+  use cpl_pore_file, only: write_pore
   implicit none
   private
   public :: write_state, read_state, read_reference
@@ -57,6 +58,7 @@ contains
     end if
     call file%put('/scalars/grains', face%ledger%grains, errors)
     call file%put('/scalars/solid', face%ledger%solid, errors)
+    call write_pore(file, face%pore, errors)
     call checkpoint%finish(file, errors)
   end subroutine write_state
 

@@ -9,6 +9,7 @@ module cpl_facet_method
   use talus_scalars, only: scalar_max_overlap
   use talus_summary, only: summary_type
   use cpl_audit, only: audit_type, audit_columns
+  use cpl_audit_file, only: audit_file_type
   use cpl_choices, only: rotation_fixed
   use cpl_exchange, only: exchange
   use cpl_facet_log, only: log_interface, log_row, log_health, put_summary
@@ -16,6 +17,9 @@ module cpl_facet_method
   use cpl_judgement, only: judge_coupling
   use cpl_logbook, only: log_row_titles
   use cpl_method, only: cpl_method_type
+  use cpl_pore_file, only: read_pore_state
+  use cpl_pore_setup, only: make_pore
+  use cpl_pore_log, only: log_pore, pore_columns, pore_row, pore_health, summarise_pore
   use cpl_run, only: cpl_run_type
   use cpl_setup, only: find_ghosts, find_vertices, find_radii, make_map, select_sets, &
     begin_interface, end_rehearsal
@@ -25,10 +29,13 @@ module cpl_facet_method
   private
   public :: facet_method_type
 
+  integer(i8), parameter :: flush_every = 64  !! exchanges, of the liquid's history
+
   type, extends(cpl_method_type) :: facet_method_type
     type(interface_type) :: face
     type(audit_type) :: worst
     real(wp) :: identity = 0.0_wp  !! largest error of the operators
+    type(audit_file_type) :: liquid
   contains
     procedure :: make
     procedure :: restore
@@ -74,6 +81,7 @@ contains
       if (errors%any()) return
       if (run%again) call compare_maps(self%face, map_hash, run%state, errors)
       if (.not. errors%any()) call select_sets(self%face, solvers, run%timers, errors)
+      if (.not. errors%any()) call make_pore(self%face%pore, run, errors)
     end associate
   end subroutine make
 
@@ -95,6 +103,7 @@ contains
     type(cpl_run_type), intent(inout) :: run
     type(error_list_type), intent(inout) :: errors
     call read_state(run%checkpoint, run%state, self%face, errors)
+    call read_pore_state(run%checkpoint, run%state, self%face%pore, errors)
     self%step = self%face%step
   end subroutine restore
 
@@ -120,6 +129,10 @@ contains
     call log_interface(run%log, self%face, run%choices, self%identity)
     call audit_columns(columns)
     call self%audit%begin(run%stem//'_audit.csv', columns, run%again, run%begins, errors)
+    if (.not. self%face%pore%active) return
+    call log_pore(run%log, self%face%pore)
+    call pore_columns(columns)
+    call self%liquid%begin(run%stem//'_pore.csv', columns, run%again, run%begins, errors)
   end subroutine start
 
   subroutine exchange_facets(self, run, t0, t1, errors)
@@ -143,6 +156,12 @@ contains
     call self%worst%note(self%face, gap)
     call self%audit%put(self%worst%row(self%face, t1, gap))
     call self%audit%write(errors)
+    if (self%face%pore%active) then
+      call self%liquid%put(pore_row(self%face%pore, t1))
+      call self%liquid%write(errors)
+      if (modulo(self%step, flush_every) == 0) call self%liquid%flush(errors)
+      if (last_row(run, t1)) call self%liquid%close(errors)
+    end if
     if (self%worst%lag%stalls > 0 .and. .not. self%worst%lag%warned) then
       text = self%worst%lag%warning(run%choices%interface, run%choices%scheme, &
         run%choices%exchange)
@@ -151,6 +170,13 @@ contains
     call run%timers%stop('audit and log')
   end subroutine after
 
+  !> Does the run end at t1?
+  pure logical function last_row(run, t1)
+    type(cpl_run_type), intent(in) :: run
+    real(wp), intent(in) :: t1  !! [s]
+    last_row = t1 > run%choices%t_end - 0.5_wp*run%choices%exchange
+  end function last_row
+
   subroutine save(self, run, time, tag, errors)
     class(facet_method_type), intent(inout) :: self
     type(cpl_run_type), intent(inout) :: run
@@ -158,6 +184,7 @@ contains
     character(len=*), intent(in) :: tag
     type(error_list_type), intent(inout) :: errors
     call write_state(run%checkpoint, self%face, time, tag, errors)
+    if (self%face%pore%active) call self%liquid%flush(errors)
   end subroutine save
 
   subroutine titles(self, log)
@@ -178,12 +205,14 @@ contains
     type(cpl_run_type), intent(inout) :: run
     real(wp), intent(in) :: overhead(2)
     call log_health(run%log, self%face, self%worst, run%choices%exchange, overhead)
+    if (self%face%pore%active) call pore_health(run%log, self%face%pore)
   end subroutine health
 
   subroutine summary(self, page)
     class(facet_method_type), intent(in) :: self
     type(summary_type), intent(inout) :: page
     call put_summary(page, self%face, self%worst)
+    if (self%face%pore%active) call summarise_pore(page, self%face%pore)
   end subroutine summary
 
   subroutine judge(self, deck, health)

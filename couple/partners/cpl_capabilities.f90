@@ -6,7 +6,8 @@ module cpl_capabilities
   use talus_errors, only: error_list_type
   use talus_log, only: log_type
   use talus_port_names, only: can_advance, can_dead_load, can_force, can_kick_drift, can_load, &
-    can_prescribe, can_rehearsal, can_reject, can_report, can_solve, can_springs, can_surface
+    can_pore, can_prescribe, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
+    can_surface
   use talus_version, only: version_text
   use cpl_choices, only: cpl_choices_type, interface_springs, scheme_iterated
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
@@ -16,7 +17,8 @@ module cpl_capabilities
 
 contains
 
-  !> One fault for each capability that the coupled deck needs and a solver lacks (P411).
+  !> One fault for each capability that the coupled deck needs and a solver lacks (P411); a liquid
+  !! that nothing says of how it meets the other side (D454).
   subroutine check_capabilities(solvers, choices, errors)
     type(cpl_solver_type), intent(in) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
@@ -24,6 +26,13 @@ contains
     type(string_type), allocatable :: needed(:)
     integer(i4) :: side, k
 
+    do side = 1, 2
+      if (choices%pore%given .or. .not. solvers(side)%can(can_pore)) cycle
+      if (side == side_solid .and. .not. choices%overlap%given) cycle
+      call errors%add('D454', solvers(side)%title()//' has a liquid in its pores', &
+                      solvers(side)%deck, 'add &pore_interface to the coupled deck; in an '// &
+                      'overlap leave the liquid out')
+    end do
     do side = 1, 2
       if (choices%overlap%given) then
         call needs_of_overlap(side, choices, needed)
@@ -47,6 +56,8 @@ contains
 
     allocate (needed(0))
     if (choices%scheme == scheme_iterated) call append_string(needed, can_reject)
+    if (choices%pore%given .and. (side == side_grains .or. choices%pore%permeable)) &
+      call append_string(needed, can_pore)
     if (side == side_grains) then
       call append_string(needed, can_advance)
       if (len(choices%surface) > 0) then

@@ -7,6 +7,7 @@ module cpl_choices
   use talus_deck, only: deck_type
   use talus_files, only: folder_of, stem_of
   use cpl_overlap_choices, only: overlap_choices_type, read_overlap
+  use cpl_pore_choices, only: pore_choices_type, read_pore
   use cpl_solver, only: cpl_solver_type, sides, side_grains
   implicit none
   private
@@ -47,6 +48,7 @@ module cpl_choices
     integer(i4) :: relax_exchanges = 0
     logical :: adaptive = .false.      !! elements of the overlap change their part
     type(overlap_choices_type) :: overlap
+    type(pore_choices_type) :: pore
   end type cpl_choices_type
 
 contains
@@ -86,6 +88,7 @@ contains
     choices%adaptive = deck%count('adapt') > 0 .and. deck%count('overlap') > 0
     call read_overlap(deck, choices%overlap, errors)
     call check_clock(deck, choices, errors)
+    call read_pore(deck, choices%pore, errors)
     if (deck%count('facets') == 0) return
     call deck%get('facets', 1, 'ghosts', choices%ghosts)
     call deck%get('facets', 1, 'surface', choices%surface)

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-couple.
   subroutine cpl_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-couple', 9)
+    call table%init('talus-couple', 10)
     call group_run(table)
     call group_checkpoint(table)
     call group_limits(table)
@@ -20,6 +20,7 @@ contains
     call group_port(table)
     call group_clock(table)
     call group_facets(table)
+    call group_pore_interface(table)
     call group_adapt(table)
     call group_overlap(table)
   end subroutine cpl_deck_table
@@ -256,6 +257,40 @@ contains
     call table%bounds(min=2.0_wp, max=1000000.0_wp)
     call table%only_with('initial', 'relax')
   end subroutine group_facets_2
+
+  subroutine group_pore_interface(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('pore_interface', 5, &
+      'The liquid in the pores of grains (`&pore_grid`) and solid (`&pore`) across ' &
+      //'facets that a whole side of the grains'' grid lies on. With `&facets` and ghosts:' &
+      //' a contact of theirs bears effective stress, and the liquid presses the facets ' &
+      //'besides.')
+    call table%add_key('facets', 'string', '', &
+      'Facet group of the mesh, with the side of the grid on it.')
+    call table%need()
+    call table%add_key('permeable', 'logical', '', &
+      'True: the pressures of the solid hold those of the grid, and what liquid comes ' &
+      //'to them goes to the solid. False: no liquid passes; the solid may be dry.')
+    call table%preset('.true.')
+    call table%add_key('scheme', 'string', '', &
+      'What happens to the liquid that the admittance (`robin`) withholds in an ' &
+      //'interval: `''reaction''` gives it back in the next, `''held''` keeps it, as a ' &
+      //'storage at the interface that is not there; for comparison.')
+    call table%preset('reaction')
+    call table%allow('reaction|held')
+    call table%add_key('robin', 'real', '', &
+      'Admittance of the interface over that of a half space of grains in an interval, ' &
+      //'by flow and by waves, which keeps the exchange stable: 1 or more; 0 is for ' &
+      //'tests.')
+    call table%preset('2.0')
+    call table%bounds(min=0.0_wp, max=100.0_wp)
+    call table%magnitude(0.0_wp, 100.0_wp)
+    call table%add_key('modulus', 'real', 'Pa', &
+      'Oedometric modulus of the grains, for that admittance, where they are softer ' &
+      //'than the solid.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+  end subroutine group_pore_interface
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
