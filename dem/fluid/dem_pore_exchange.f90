@@ -25,7 +25,7 @@ module dem_pore_exchange
   use dem_pore_start, only: boxes_of
   implicit none
   private
-  public :: end_exchange, begin_exchange, follow_walls, book_liquid
+  public :: end_exchange, begin_exchange, follow_walls, book_liquid, see_ghosts
 
 contains
 
@@ -169,11 +169,23 @@ contains
         fit%inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
                                  d%grains%kind(:d%grains%n) == kind_free)
       end if
-      if (any(d%grains%kind(:d%grains%n) == kind_ghost)) &
-        fit%counts = d%grains%kind(:d%grains%n) /= kind_ghost
       call make_fit(d%pore%grid, d%pore%start_x, d%pore%volume, fit)
     end associate
   end subroutine fit_here
+
+  !> Grains that have become ghosts count in no fit, and their part outside of the grid in no brick,
+  !! from the first exchange on.
+  subroutine see_ghosts(d)
+    type(dem_data_type), intent(inout) :: d
+    real(wp) :: reach(3, d%grains%n)
+    if (.not. d%pore%active) return
+    d%pore%fit%counts = d%grains%kind(:d%grains%n) /= kind_ghost
+    if (d%pore%exchanges > 0) return
+    call boxes_of(d%grains, reach)
+    call count_pores(d%pore, d%grains%x, reach)
+    d%pore%first_porosity = d%pore%porosity
+    call set_mobility(d%pore)
+  end subroutine see_ghosts
 
   !> Pores, and the nodes that are held, as they are now (N229).
   subroutine renew_pores(d, time, errors)

@@ -24,6 +24,7 @@ module dem_port
   use dem_port_population, only: wake, sleep, relax, set_kinds
   use dem_port_surface, only: select_surface
   use dem_surface_values, only: set_velocities
+  use dem_pore_exchange, only: see_ghosts
   use dem_port_pore, only: select_pore, put_pore_sets
   use dem_port_step, only: advance, force, kick_drift, put_sets
   implicit none
@@ -173,6 +174,7 @@ contains
     self%stale = self%stale .or. changed
     call self%refresh(errors)
     if (errors%any()) return
+    call see_ghosts(self%model%system%dem_data_type)
     call self%sets%find(name, k, errors)
     call reply_selected(self%model%system, self%sets%set(k), reply)
   end subroutine choose

@@ -190,12 +190,15 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     integer(i4), intent(in) :: substeps
     type(error_list_type), intent(inout) :: errors
+    logical :: aimed(model%system%grains%n)
     real(wp) :: t0
     integer(i4) :: k
     t0 = model%clock%time()
     associate (system => model%system)
+      aimed = system%grains%has_target  ! ghosts are there at t1, not after the first exchange
       do k = 0, substeps - 1, system%pore%every
         call model%pore%exchange(system%dem_data_type, t0 + k*system%par%dt, errors)
+        system%grains%has_target = aimed .and. k + system%pore%every >= substeps
         if (.not. errors%any()) call system%step(system%pore%every, errors)
         if (errors%any()) return
       end do
