@@ -21,7 +21,7 @@ contains
     integer(i4), intent(out) :: iterations
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, body%dofs%blocks) :: internal, nothing
-    integer(i4) :: bad
+    integer(i4) :: bad, springs
     logical :: dynamic
 
     moved = 0.0_wp
@@ -33,7 +33,10 @@ contains
     dynamic = body%scheme%dynamic
     call body%scheme%take_inertia(.false.)
     call body%hold_pressures(.true.)
+    springs = body%port%robin%n
+    body%port%robin%n = 0  ! a partner's springs hold what moves in a step, not what is the start
     call newton_step(body, body%accepted%time, errors)
+    body%port%robin%n = springs
     call body%hold_pressures(.false.)
     call body%scheme%take_inertia(dynamic)
     if (errors%any()) return
