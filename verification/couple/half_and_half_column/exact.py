@@ -127,8 +127,8 @@ def judge_sealed(case: Case) -> None:
     solid, coupled = (case.folder / f"{side}_sealed.nml" for side in ("solid", "coupled"))
     lines = solid.read_text().splitlines()
     solid.write_text("\n".join(x for x in lines if not x.startswith(("&fluid", "&pore"))) + "\n")
-    coupled.write_text(coupled.read_text().replace("&pore_interface facets = 'z0'",
-        "&pore_interface facets = 'z0', permeable = .false."))  # fmt: skip
+    change(coupled, ("&pore_interface facets = 'z0'",
+                     "&pore_interface facets = 'z0', permeable = .false."))  # fmt: skip
     case.run("talus-couple", "coupled_sealed.nml")
     rows = read_history(case.folder / "grains_sealed_pore.csv")
     for end in ("least", "most"):
@@ -137,6 +137,36 @@ def judge_sealed(case: Case) -> None:
     force = read_history(case.folder / "coupled_sealed_pore.csv")["force_z"][-1]
     case.metric("sealed: liquid's force on the facets / exact", float(force / (P0 * 9.0e-6)), 1.0,
                 0.005, "P18")  # fmt: skip
+
+
+def judge_rest(case: Case) -> None:
+    """Judge that water at rest stays, in grains and elements that weigh as much as it does."""
+    prepare(case, "rest", False, 20 * EXCHANGE)
+    fall = ", gravity = 0.0, 0.0, -9.81 /"
+    change(case.folder / "grains_rest.nml", (WEIGHT, ""), ("'Lattice' /", "'Lattice'" + fall),
+           ("density = 2650.0", "density = 1000.0"))  # fmt: skip
+    change(case.folder / "solid_rest.nml", ("'Elements' /", "'Elements'" + fall),
+           ("density = 1387.0", f"density = {1000 * np.pi / 6}"),
+           (HELD, HELD + "\n&water_table level = 0.1 /"))  # fmt: skip
+    change(case.folder / "coupled_rest.nml",
+           ("&checkpoint", "&limits allow = 'interface_work_error' /\n&checkpoint"))  # fmt: skip
+    case.run("talus-couple", "coupled_rest.nml")
+    rows = read_history(case.folder / "coupled_rest_pore.csv")
+    exact = 9810.0 * (HEIGHT - HIGH)
+    off = float(np.abs(rows["mean_pressure"] / exact - 1.0).max())
+    case.below("rest: pressure at the facets, error / exact", off, 1e-6, "rounding of contacts")
+    off = float(np.abs(rows["force_z"] / (exact * -9.0e-6) - 1.0).max())
+    case.below("rest: force on the facets, error / exact", off, 1e-6, "rounding of contacts")
+    off = float(np.abs(rows["to_solid"]).max() / (POROSITY * 9.0e-6 * HEIGHT))
+    case.below("rest: liquid that went over / pores", off, 1e-12)
+
+
+def change(path: Path, *pairs: tuple[str, str]) -> None:
+    """Replace texts of a deck."""
+    text = path.read_text()
+    for old, new in pairs:
+        text = text.replace(old, new)
+    path.write_text(text)
 
 
 def judge_bits(case: Case) -> None:
@@ -169,6 +199,7 @@ def run(case: Case) -> None:
     axes[0].set(ylabel="depth [mm]")
     axes[0].invert_yaxis()
     judge_sealed(case)
+    judge_rest(case)
     judge_bits(case)
     judge_growth(case)
     case.save(fig)
