@@ -162,8 +162,9 @@ contains
       choices%exchanges = nint(count)
     end if
     if (choices%pieces == 1) return
-    if (deck%count('facets') == 0 .or. choices%scheme_name /= 'average') &
-      call deck%fault(errors, 'D418', 'only facets with the mean force are exchanged in pieces', &
+    if (deck%count('facets') == 0 .or. deck%count('pore_interface') > 0 .or. &
+        choices%scheme_name /= 'average') &
+      call deck%fault(errors, 'D418', 'only dry facets with the mean force are exchanged in pieces', &
                       'clock', 1, 'pieces', "leave it out, or write scheme = 'average'")
   end subroutine check_clock
 
