@@ -13,6 +13,7 @@ module dem_breakage
   use talus_log, only: log_type, short_number
   use talus_system, only: memory_free
   use dem_breakage_group, only: breakage_type, read_breakage, check_foreseen, diameter_of
+  use dem_breakage_masses, only: mass_scaled, check_masses, weigh_fragments, counted_mass
   use dem_breakage_pieces, only: put_pieces, balance_of
   use dem_entry, only: size_batch, make_batch, check_ids
   use dem_fragments, only: family_count, family_halves
@@ -92,10 +93,14 @@ contains
         "' has two groups", 'breakage', k, 'material', 'give one for each material that breaks')
       self%group(materials(k)) = k
       call check_laws(deck, k, self%item(k), system%dem_data_type, errors)
+      call check_masses(deck, k, self%item(k)%mass, system%dem_data_type, errors)
       if (errors%count == before) &
         call check_foreseen(deck, k, system%dem_data_type, self%item(k), dt, errors)
     end do
     if (.not. self%active() .or. errors%count > before) return
+    do k = 1, size(self%item)
+      system%materials(self%item(k)%material)%fragments_scaled = self%item(k)%mass == mass_scaled
+    end do
     call check_run(deck, served, errors)
     call system%be_open()
     if (any(self%item%family == family_halves)) &
@@ -336,6 +341,11 @@ contains
     if (errors%any()) return
     call make_batch(batch, material, system, entering, errors)
     if (errors%any()) return
+    do i = 1, system%grains%n
+      if (leaving(i)) call weigh_fragments(system%dem_data_type, i, &
+        self%item(self%group(system%grains%material(i)))%mass, findloc(parent, i, 1), &
+        findloc(parent, i, 1, back=.true.), entering)
+    end do
     do k = 1, size(order)
       call write_event(self, system%dem_data_type, order(k), time, errors)
     end do
@@ -362,7 +372,7 @@ contains
     type(dem_grains_type), intent(in) :: entering
     integer(i8), allocatable :: line(:, :)
     real(wp), allocatable :: fines(:, :)
-    real(wp) :: balance(7)
+    real(wp) :: balance(7), part(7)
     integer(i4) :: i, k, n
 
     n = 0
@@ -371,12 +381,15 @@ contains
     do i = 1, d%grains%n
       if (.not. leaving(i)) cycle
       balance = balance_of(d%grains, i)
+      balance(1) = counted_mass(d, d%grains, i)
       n = n + 1
       fines(2, n) = diameter_of(d, i)
       do while (k < entering%n)
         if (parent(k + 1) /= i) exit
         k = k + 1
-        balance = balance - balance_of(entering, k)
+        part = balance_of(entering, k)
+        part(1) = counted_mass(d, entering, k)
+        balance = balance - part
         fines(2, n) = min(fines(2, n), 2.0_wp*product(entering%axes(:, k))**(1.0_wp/3.0_wp))
         line(:, k) = [entering%id(k), d%grains%id(i), generation_of(d, d%grains%id(i)) + 1_i8]
       end do

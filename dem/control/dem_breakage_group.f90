@@ -8,6 +8,7 @@ module dem_breakage_group
   use talus_deck, only: deck_type
   use talus_log, only: short_number
   use talus_random, only: unit_number
+  use dem_breakage_masses, only: mass_names, mass_solid, mass_parent, density_factor
   use dem_fragments, only: family_names, family_count, family_radii, family_fourteen, &
     family_halves, split_axis
   use dem_grain_stress, only: criterion_names, criterion_hertz
@@ -35,6 +36,7 @@ module dem_breakage_group
     integer(i8) :: seed = 1
     integer(i4) :: criterion = 0           !! of dem_grain_stress
     integer(i4) :: family = 0              !! of dem_fragments
+    integer(i4) :: mass = mass_solid       !! of dem_breakage_masses
     integer(i4) :: every = 20              !! steps between two looks
     integer(i4) :: most_grains = 0         !! in the run; 0: as fit into memory
     integer(i4) :: generations = 0         !! that there may be
@@ -76,6 +78,8 @@ contains
     group%criterion = findloc([(criterion_names(j) == word, j=1, size(criterion_names))], .true., 1)
     call deck%get('breakage', k, 'family', word)
     group%family = findloc([(family_names(j) == word, j=1, size(family_names))], .true., 1)
+    call deck%get('breakage', k, 'fragment_mass', word)
+    group%mass = findloc([(mass_names(j) == word, j=1, size(mass_names))], .true., 1)
     if (.not. deck%given('breakage', k, 'size_exponent')) then
       if (group%modulus > 0.0_wp) then
         group%size_exponent = volume/group%modulus
@@ -200,7 +204,7 @@ contains
     integer(i4), intent(in) :: i
     type(breakage_type), intent(inout) :: group
     real(wp) :: number(0:most_steps, 0:most_steps), ratio(2), each(2), upper(3), lower(3), p, size
-    real(wp) :: least
+    real(wp) :: least, step, kept
     integer(i4) :: a, b
 
     call semi_axes_of(d, i, upper, lower, p)
@@ -208,11 +212,14 @@ contains
     number = 0.0_wp
     number(0, 0) = 1.0_wp
     least = diameter_of(d, i)
+    step = 1.0_wp
+    kept = sum(each*ratio**3)
     do a = 0, most_steps - 1
       do b = 0, most_steps - 1
         if (.not. number(a, b) > 0.0_wp) cycle
         size = diameter_of(d, i)*ratio(1)**a*ratio(2)**b
         least = min(least, size)
+        step = min(step, time_factor(group%mass, kept, size/diameter_of(d, i), a + b))
         if (size > group%smallest) then
           group%generations = max(group%generations, a + b + 1)
           number(a + 1, b) = number(a + 1, b) + each(1)*number(a, b)
@@ -223,8 +230,19 @@ contains
       end do
     end do
     group%least = min(group%least, least)
-    group%step = min(group%step, rayleigh_of(d, i)*least/diameter_of(d, i))
+    group%step = min(group%step, rayleigh_of(d, i)*step)
   end subroutine foresee_grain
+
+  !> Rayleigh time of a fragment over that of the grain of the start.
+  pure real(wp) function time_factor(mass, kept, ratio, generation) result(factor)
+    integer(i4), intent(in) :: mass        !! of dem_breakage_masses
+    real(wp), intent(in) :: kept, ratio    !! of the volume in a generation, of the diameter [-]
+    integer(i4), intent(in) :: generation
+    factor = ratio
+    if (mass == mass_solid .or. generation == 0) return
+    factor = ratio*sqrt(density_factor(mass, kept**merge(generation, 1, mass == mass_parent), &
+                                       ratio))
+  end function time_factor
 
   !> Sizes of the fragments of a family, of the grain's, and how many of each.
   pure subroutine ratios_of(family, exponent, ratio, each)

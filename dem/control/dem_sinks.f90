@@ -12,6 +12,7 @@ module dem_sinks
   use talus_region_deck, only: read_region
   use dem_cell, only: folded
   use dem_clock, only: interval_ends
+  use dem_breakage_masses, only: counted_mass
   use dem_state, only: kind_free
   use dem_system, only: dem_system_type
   implicit none
@@ -116,7 +117,7 @@ contains
       if (system%grains%kind(i) /= kind_free) cycle
       leaving(i) = is_in(self%item(k), x(:, i))
       if (.not. leaving(i)) cycle
-      mass = mass + system%grains%mass(i)
+      mass = mass + counted_mass(system%dem_data_type, system%grains, i)
       momentum = momentum + system%grains%mass(i)*system%grains%v(:, i)
     end do
     if (.not. any(leaving)) return

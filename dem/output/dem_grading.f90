@@ -10,6 +10,7 @@ module dem_grading
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_history, only: history_type
+  use dem_breakage_masses, only: counted_masses
   use dem_state, only: dem_data_type, graded_size
   implicit none
   private
@@ -182,27 +183,28 @@ contains
     type(dem_data_type), intent(inout) :: d
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: fines(:, :), passing(:, :)
-    real(wp) :: sizes(d%grains%n), breakage(2), part
+    real(wp) :: sizes(d%grains%n), mass(d%grains%n), breakage(2), part
     integer(i4) :: k
 
     if (.not. self%history%is_open() .or. d%grains%n == 0) return
     sizes = sieved_sizes(d)
+    mass = counted_masses(d)
     allocate (fines(2, 0), passing(2, size(self%sieves)))
     if (allocated(d%fines)) fines = d%fines
-    if (d%graded(start_most) < 0.0_wp) call keep_start(self, d, sizes)
+    if (d%graded(start_most) < 0.0_wp) call keep_start(self, d, sizes, mass)
     do k = 1, size(self%sieves)
-      passing(:, k) = grading_of(sizes, d%grains%mass, fines, self%power, self%sieves(k))
+      passing(:, k) = grading_of(sizes, mass, fines, self%power, self%sieves(k))
     end do
     breakage = 0.0_wp
     if (d%graded(start_hardin) > 0.0_wp) breakage(1) = 1.0_wp - potential_of(sizes, &
-      d%grains%mass, fines, self%power, hardin_size)/d%graded(start_hardin)
+      mass, fines, self%power, hardin_size)/d%graded(start_hardin)
     part = d%graded(start_einav)
     if (d%graded(start_most) > self%finest) part = part &
       - ultimate_potential(d%graded(start_most), self%finest, self%power)
     if (part > 0.0_wp .and. d%graded(start_most) > self%finest) breakage(2) = &
-      (d%graded(start_einav) - potential_of(sizes, d%grains%mass, fines, self%power, &
+      (d%graded(start_einav) - potential_of(sizes, mass, fines, self%power, &
                                             self%finest))/part
-    call self%history%write([time, real(d%grains%n, wp), sum(d%grains%mass), sum(fines(1, :)), &
+    call self%history%write([time, real(d%grains%n, wp), sum(mass), sum(fines(1, :)), &
                              breakage, slope_of(sizes, sizes_of_slope(self, d)), passing(1, :), &
                              passing(2, :)], errors)
   end subroutine write_row
@@ -217,14 +219,14 @@ contains
   end function sizes_of_slope
 
   !> The grading that all later ones are held against.
-  subroutine keep_start(self, d, sizes)
+  subroutine keep_start(self, d, sizes, mass)
     class(dem_grading_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
-    real(wp), intent(in) :: sizes(:)
+    real(wp), intent(in) :: sizes(:), mass(:)  !! [m], [kg]
     real(wp) :: none(2, 0)
-    d%graded(start_hardin) = potential_of(sizes, d%grains%mass, none, self%power, hardin_size)
-    d%graded(start_einav) = potential_of(sizes, d%grains%mass, none, self%power, self%finest)
+    d%graded(start_hardin) = potential_of(sizes, mass, none, self%power, hardin_size)
+    d%graded(start_einav) = potential_of(sizes, mass, none, self%power, self%finest)
     d%graded(start_most) = maxval(sizes)
-    d%graded(start_median) = median_of(sizes, d%grains%mass)
+    d%graded(start_median) = median_of(sizes, mass)
   end subroutine keep_start
 end module dem_grading

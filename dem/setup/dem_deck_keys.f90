@@ -1627,7 +1627,7 @@ contains
 
   subroutine group_breakage(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('breakage', 12, &
+    call table%add_group('breakage', 13, &
       'Grains of a material break where their stress exceeds their strength: fragments ' &
       //'lie inside the grain and do not overlap, the rest is fines, which leave the run.' &
       //' Strengths and fragments follow from the ids of grains alone. What has broken is' &
@@ -1701,6 +1701,14 @@ contains
       'Told beside what was released per surface created; it changes nothing.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 1000000000000.0_wp)
+    call table%add_key('fragment_mass', 'string', '', &
+      'Masses of fragments. `solid`: by the density of the material; what the family ' &
+      //'leaves out leaves as fines. `parent`: all of the grain''s mass, by a density ' &
+      //'raised to it; no fines leave. `scaled`: in `&relaxation` without gravity (D373, ' &
+      //'D374), so much more that the Rayleigh time of fragments, and the step with it, ' &
+      //'is that of the grain; fines and gradings count the mass of the solid.')
+    call table%preset('solid')
+    call table%allow('solid|parent|scaled')
   end subroutine group_breakage_2
 
   subroutine group_grading(table)

@@ -38,6 +38,7 @@ module dem_law_state
     real(wp) :: young = 0.0_wp    !! Young's modulus [Pa]
     real(wp) :: poisson = 0.0_wp  !! Poisson's ratio [-]
     real(wp) :: density = 0.0_wp  !! density [kg/m^3]
+    logical :: fragments_scaled = .false.  !! masses of its grains are not those of the solid
   end type dem_material_type
 
   !> Numbers of a law of an ordered pair of materials, as its file sees them.

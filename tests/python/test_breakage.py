@@ -26,6 +26,8 @@ HEAD = """&run       title = 'Crushed', t_end = {t_end}, gravity = 0.0, 0.0, 0.0
 &dynamics  dt_factor = 0.3 /
 &history   every_time = 1.0e-5 /
 """
+RELAXED = "&relaxation dt_factor = 0.3 /"
+LIMIT = "&limits overlap = 0.8 /\n"
 SIDE = 8.0e-3  # [m]
 SPEED = 8.0  # of the walls [m/s]
 BOX = "".join(
@@ -57,10 +59,12 @@ def write_loose(folder: Path, *, shapes: bool = False, periodic: bool = False) -
 def run(
     folder: Path, *parts: str, t_end: float = 4.0e-4, words: str = "seed = 1", ranks: int = 1,
     threads: int = 1, options: tuple[str, ...] = (), strength: float = 5.0e6,
-    smallest: float = 0.6e-3,
+    smallest: float = 0.6e-3, relaxed: bool = False,
 ) -> str:  # fmt: skip
     """Run a deck to its end; return what is printed."""
     head = HEAD.format(t_end=t_end, words=words, strength=strength, smallest=smallest)
+    if relaxed:
+        head = head.replace("&dynamics  dt_factor = 0.3 /", RELAXED)
     (folder / "deck.nml").write_text(head + "".join(parts))
     first = launcher(ranks) if ranks > 1 else []
     command = [*first, str(find_program("talus-dem")), "deck.nml", f"--threads={threads}", *options]
@@ -215,6 +219,88 @@ def test_gradings_are_written_and_drawn(tmp_path: Path) -> None:
     with pytest.raises(FaultError) as fault:
         figure(tmp_path / "deck_energy.csv")
     assert fault.value.code == "E620"
+
+
+def still_pair(folder: Path) -> None:
+    """Write a spinning sphere that grazes another in flight, without friction."""
+    x = np.array([[0.0, 0.0, 0.0], [2.0e-3 + 1e-9, 0.0, 0.0]])
+    v = np.array([[1e-4, 3.0, -2.0], [0.0, 3.0, -2.0]])
+    omega = np.array([[0.0, 0.0, 0.0], [900.0, -500.0, 2000.0]])
+    write_packing(folder / "pack.h5", x, np.full((2, 3), 1.0e-3), v=v, omega=omega)
+
+
+KEPT, KEPT_INERTIA = 0.5238612304555293, 0.4184633846915321  # of a sphere by fourteen fragments
+SIX, EIGHT = np.sqrt(2.0) - 1.0, 0.2300931878706982  # radii of its fragments
+
+
+def broken_in_flight(folder: Path, mass: str) -> tuple[dict, dict, np.ndarray]:
+    """Break one of two grains in flight; return rows of breakage, energy, the momentum at the end.
+
+    Momentum is that of the masses that move: those of the solid, or times the factor of the choice.
+    """
+    still_pair(folder)
+    text = HEAD.format(t_end=4.0e-5, words=f"fragment_mass = '{mass}', check_every = 1",
+                       strength=1.0e-9, smallest=1.5e-3)  # fmt: skip
+    if mass == "scaled":
+        text = text.replace("&dynamics  dt_factor = 0.3 /", RELAXED)
+    text = text.replace("friction = 0.5", "friction = 0.0")
+    text = text.replace("every_time = 1.0e-5", "every_time = 1.0e-6")
+    (folder / "deck.nml").write_text(text + "&output every_time = 1.0e-6 /\n")
+    command = [str(find_program("talus-dem")), "deck.nml", "--threads=1"]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    last = field_steps(folder / "deck.h5")[-1].grains
+    heavier = {"solid": 1.0, "parent": 1.0 / KEPT, "scaled": (1e-3 / last["axes"][:, 0]) ** 2}
+    push = (masses(last) * np.where(last["generation"], heavier[mass], 1.0))[:, None] * last["v"]
+    rows = read_history(folder / "deck_breakage.csv")
+    assert list(read_history(folder / "deck_broken.csv")["id"]) == [2]
+    return rows, read_history(folder / "deck_energy.csv"), push.sum(0)
+
+
+def test_fragments_share_the_mass_of_their_grain(tmp_path: Path) -> None:
+    """With `parent` no mass nor momentum leaves, with `scaled` no momentum; energies are exact."""
+    volume = 4.0 / 3.0 * np.pi * 1.0e-9
+    push = 2.0 * DENSITY * volume * np.array([0.5e-4, 3.0, -2.0])
+    move = 0.5 * DENSITY * volume * 13.0
+    spin = 0.2 * DENSITY * volume * 1.0e-6 * (900.0**2 + 500.0**2 + 2000.0**2)
+    weight = 6.0 * SIX + 8.0 * EIGHT  # of scaled fragments, over that of the grain
+    turn = sum(n * r * (0.4 * r**2 + 2.0 / 3.0 * c**2) for n, r, c in
+               ((6.0, SIX, 1.0 - SIX), (8.0, EIGHT, 1.0 - EIGHT))) / 0.4  # fmt: skip
+    for mass, left in (("solid", (KEPT, KEPT_INERTIA)), ("parent", (1.0, KEPT_INERTIA / KEPT)),
+                       ("scaled", (1.0 / weight, turn / weight**2))):  # fmt: skip
+        rows, energy, at_end = broken_in_flight(tmp_path, mass)
+        if mass != "solid":
+            assert at_end == pytest.approx(push, abs=1e-8 * np.abs(push).max())
+            assert np.abs(rows["momentum_y"][-1]) < 1e-12 * push[1]
+        lost = rows["fines_mass"][-1] / (DENSITY * volume)
+        assert lost == pytest.approx(0.0 if mass == "parent" else 1.0 - KEPT, abs=1e-8)
+        fines = (1.0 - left[0]) * move + (1.0 - left[1]) * spin
+        assert energy["fines"][-1] == pytest.approx(fines, rel=2e-6)
+        assert energy["relative_closure"][-1] < 1e-6
+
+
+def test_scaled_fragments_keep_the_step(tmp_path: Path) -> None:
+    """In relaxation the step stays that of the grains; restarts, threads, gradings as ever."""
+    sieves = "&grading sieves = 0.1e-3, 0.2e-3, 0.5e-3, 1.0e-3, 2.5e-3, finest = 0.01e-3 /\n"
+    write_loose(tmp_path)
+    steps = {}
+    for mass in ("solid", "scaled"):
+        words = f"fragment_mass = '{mass}'"
+        for path in tmp_path.glob("deck.chk.*.h5"):
+            path.unlink()
+        run(tmp_path, BOX, OUTPUT, sieves, LIMIT, words=words, t_end=3.0e-4, relaxed=True)
+        rows = read_history(tmp_path / "deck_grading.csv")
+        assert read_history(tmp_path / "deck_broken.csv")["generation"].max() >= 1.0
+        assert rows["mass"] + rows["fines"] == pytest.approx(rows["mass"][0], rel=1e-12)
+        steps[mass] = read_history(tmp_path / "deck_energy.csv")["dt"]
+        assert read_history(tmp_path / "deck_energy.csv")["relative_closure"][-1] < 5e-3
+    assert steps["solid"][-1] < 0.25 * steps["solid"][0]
+    assert steps["scaled"][-1] > 0.4 * steps["scaled"][0]  # that of contacts pressed this deep
+    end = contents(tmp_path / "end.h5")
+    kept = sorted(tmp_path.glob("deck.chk.*.h5"))[4].rename(tmp_path / "kept.h5")
+    run(tmp_path, BOX, OUTPUT, sieves, LIMIT, words=words, t_end=3.0e-4, relaxed=True, threads=2,
+        options=(f"--restart={kept.name}",))  # fmt: skip
+    assert contents(tmp_path / "end.h5") == end
 
 
 FLOOR = """&wall id = 'floor', point = 0.0, 0.0, 0.0, normal = 0.0, 0.0, 1.0, material = 'quartz' /

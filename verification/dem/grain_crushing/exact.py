@@ -9,6 +9,8 @@ STRENGTH, SIZE, MODULUS, DENSITY, YOUNG = 40.0e6, 2.0e-3, 3.0, 2650.0, 70.0e9
 GRAINS = (1, 2, 1000000007)  # ids
 AXES = np.array([1.25e-3, 1.0e-3, 0.75e-3])  # [m]
 KEPT, KEPT_INERTIA = 0.5238612304555293, 0.4184633846915321  # of a sphere by fourteen fragments
+SIX, EIGHT = np.sqrt(2.0) - 1.0, 0.2300931878706982  # radii of fragments of a unit sphere
+SPINS = np.array([[900.0, -500.0, 2000.0], [-400.0, 1500.0, 700.0]])  # [rad/s]
 TURNS = {"a": [np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0], "b": [np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0],
          "c": [1.0, 0.0, 0.0, 0.0]}  # axis that is upright  # fmt: skip
 
@@ -155,6 +157,8 @@ def check_flight(case: Case) -> tuple:
     energy = read_history(case.folder / "met_energy.csv")
     case.below("closure of the ledger in flight", energy["relative_closure"][-1], 1e-4)
     check_fines(case)
+    for mass in ("parent", "scaled"):
+        check_masses(case, mass)
     return rows["time"], rows["broken"], energy
 
 
@@ -162,8 +166,7 @@ def check_fines(case: Case) -> None:
     """Judge the energy that fines take along: a smooth sphere that grazes another and breaks."""
     x = np.array([[0.0, 0.0, 0.0], [2.0e-3 + 1e-9, 0.0, 0.0]])
     v = np.array([[1e-4, 3.0, -2.0], [0.0, 3.0, -2.0]])
-    omega = np.array([[900.0, -500.0, 2000.0], [0.0, 0.0, 0.0]])
-    write_packing(case.folder / "pack.h5", x, np.full((2, 3), 1.0e-3), v=v, omega=omega)
+    write_packing(case.folder / "pack.h5", x, np.full((2, 3), 1.0e-3), v=v, omega=SPINS)
     text = (case.folder / "flight.nml").read_text()
     words = text.replace("FRICTION", "0.0").replace("WORDS", "modulus = 0.1, strength = 1.0e-9")
     (case.folder / "graze.nml").write_text(words)
@@ -174,14 +177,47 @@ def check_fines(case: Case) -> None:
     inertia = 0.4 * mass * 1.0e-6
     wanted = sum(
         (1.0 - KEPT) * 0.5 * mass * (v[k] ** 2).sum()
-        + (1.0 - KEPT_INERTIA) * 0.5 * inertia * (omega[k] ** 2).sum()
+        + (1.0 - KEPT_INERTIA) * 0.5 * inertia * (SPINS[k] ** 2).sum()
         for k in broken
     )
     case.above("grains broken in grazing", rows["broken"][-1], 1.0)
     case.metric("energy of the fines / of their motion", rows["fines"][-1] / wanted, 1.0, 1e-6)
     area = 4.0 * np.pi * 1.0e-6 * len(broken)
-    created = 6.0 * (np.sqrt(2.0) - 1.0) ** 2 + 8.0 * 0.2300931878706982**2 - 1.0
+    created = 6.0 * SIX**2 + 8.0 * EIGHT**2 - 1.0
     case.metric("surface created / that of the grains", rows["surface"][-1] / area, created, 1e-8)
+
+
+def check_masses(case: Case, mass: str) -> None:
+    """Judge mass, momentum and energy where fragments share the mass of the grain, or more.
+
+    Scaled fragments of radius r R weigh r of the grain: their Rayleigh time is that of the grain.
+    """
+    text = (case.folder / "flight.nml").read_text()
+    words = f"modulus = 0.1, strength = 1.0e-9, fragment_mass = '{mass}'"
+    text = text.replace("FRICTION", "0.0").replace("WORDS", words)
+    if mass == "scaled":
+        text = text.replace("&dynamics", "&relaxation")
+    (case.folder / f"graze_{mass}.nml").write_text(text)
+    case.run("talus-dem", f"graze_{mass}.nml", "--threads=1")
+    rows = read_history(case.folder / f"graze_{mass}_breakage.csv")
+    broken = read_history(case.folder / f"graze_{mass}_broken.csv")["id"].astype(int) - 1
+    single = DENSITY * 4.0 / 3.0 * np.pi * 1.0e-9
+    lost = 0.0 if mass == "parent" else len(broken) * (1.0 - KEPT) * single
+    case.metric(f"'{mass}': mass of the fines / of a grain", rows["fines_mass"][-1] / single,
+                lost / single, 1e-8)  # fmt: skip
+    push = max_of(np.abs([rows[f"momentum_{k}"][-1] for k in "xyz"]))
+    case.below(f"'{mass}': momentum that leaves / of a grain", push / (single * np.sqrt(13.0)),
+               1e-12)  # fmt: skip
+    kept = (1.0, KEPT_INERTIA / KEPT)
+    if mass == "scaled":
+        radii = ((6.0, SIX), (8.0, EIGHT))
+        weight = sum(n * r for n, r in radii)
+        turn = sum(n * r * (r**2 + 5.0 / 3.0 * (1.0 - r) ** 2) for n, r in radii)
+        kept = (1.0 / weight, turn / weight**2)
+    move, spin = 0.5 * single * 13.0, 0.2 * single * 1.0e-6 * (SPINS**2).sum(1)
+    wanted = sum((1.0 - kept[0]) * move + (1.0 - kept[1]) * spin[k] for k in broken)
+    case.metric(f"'{mass}': energy that leaves / of its motion", rows["fines"][-1] / wanted, 1.0,
+                1e-6)  # fmt: skip
 
 
 def check_column(case: Case) -> dict:
