@@ -90,7 +90,7 @@ enum talus_header {
 enum talus_scalar {
   TALUS_SCALAR_KINETIC = 0, /* kinetic energy, now [J] */
   TALUS_SCALAR_ELASTIC = 1, /* energy stored in contacts or elements, now [J] */
-  TALUS_SCALAR_FRICTION = 2, /* spent in sliding, rolling and breaking bonds [J] */
+  TALUS_SCALAR_FRICTION = 2, /* spent in sliding, rolling, breaking bonds and grains [J] */
   TALUS_SCALAR_CONTACT_DAMPING = 3, /* spent in dashpots of contacts [J] */
   TALUS_SCALAR_BACKGROUND_DAMPING = 4, /* spent in damping of the whole body, and numerically [J] */
   TALUS_SCALAR_CURVATURE = 5, /* work of the changing stiffness of contacts [J] */

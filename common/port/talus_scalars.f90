@@ -14,7 +14,8 @@ module talus_scalars
 
   integer(i4), parameter :: scalar_kinetic = 1  !! kinetic energy, now [J]
   integer(i4), parameter :: scalar_elastic = 2  !! energy stored in contacts or elements, now [J]
-  integer(i4), parameter :: scalar_friction = 3  !! spent in sliding, rolling and breaking bonds [J]
+  !> spent in sliding, rolling, breaking bonds and grains [J]
+  integer(i4), parameter :: scalar_friction = 3
   integer(i4), parameter :: scalar_contact_damping = 4  !! spent in dashpots of contacts [J]
   !> spent in damping of the whole body, and numerically [J]
   integer(i4), parameter :: scalar_background_damping = 5

@@ -20,11 +20,12 @@ module dem_breakage
   use dem_grain_stress, only: grain_stress_type, find_stresses, spare_safe, criterion_hertz
   use dem_packing, only: dem_packing_type
   use dem_shape_make, only: admit_shapes
-  use dem_state, only: dem_data_type, dem_grains_type, crushed_size, kind_free, lanes, history_side
+  use dem_state, only: dem_data_type, dem_grains_type, crushed_size, kind_free, kind_ghost, lanes, &
+    history_side
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: dem_breakage_type, generation_of
+  public :: dem_breakage_type, partner_type, generation_of
 
   ! places in crushed: grains broken, mass [kg], momentum [N s] and angular momentum about the
   ! origin [N m s] of fines, surface created [m^2], fragments
@@ -39,6 +40,12 @@ module dem_breakage
     'generation [-]', 'diameter [m]', 'stress [Pa]', 'strength [Pa]', 'force [N]', 'x [m]', &
     'y [m]', 'z [m]']
 
+  !> What a look has to know of a partner.
+  type :: partner_type
+    integer(i8) :: since = 0           !! steps taken at its last exchange
+    logical, allocatable :: held(:)    !! (grains) that it counts on
+  end type partner_type
+
   type :: dem_breakage_type
     type(breakage_type), allocatable :: item(:)
     character(len=:), allocatable :: path              !! of the deck
@@ -46,13 +53,18 @@ module dem_breakage
     real(wp), allocatable, private :: limit(:)         !! (grains) strength; huge: none [Pa]
     integer(i8), allocatable, private :: known(:)      !! (grains) ids that it is of
     type(grain_stress_type), private :: found
+    integer(i4), private :: above = 0                  !! prescribed grains above their strength,
+    integer(i8), private :: first_above = 0            !! at most in a look; the first of them
+    real(wp), private :: ratio_above = 0.0_wp          !! and its stress over its strength [-]
     type(history_type) :: history, events
+    logical :: warned = .false.  !! of grains that told_above tells of
   contains
     procedure :: read => read_groups
     procedure :: active
     procedure :: longest_block
     procedure :: due
     procedure :: look
+    procedure :: told_above
     procedure :: foretold
     procedure :: log_groups
     procedure :: log_totals
@@ -101,8 +113,8 @@ contains
     do k = 1, size(self%item)
       system%materials(self%item(k)%material)%fragments_scaled = self%item(k)%mass == mass_scaled
     end do
-    call check_run(deck, served, errors)
-    call system%be_open()
+    call check_run(deck, errors)
+    if (.not. served) call system%be_open()
     if (any(self%item%family == family_halves)) &
       call admit_shapes(system%grains, system%materials, errors)
     allocate (system%crushed(crushed_size), source=0.0_wp)
@@ -126,17 +138,14 @@ contains
   end subroutine check_laws
 
   !> What counts on the grains of the start does not go with breakage (D357).
-  subroutine check_run(deck, served, errors)
+  subroutine check_run(deck, errors)
     type(deck_type), intent(in) :: deck
-    logical, intent(in) :: served
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: hint = 'leave one of the two out, or run in two stages: '// &
       'crush, then go on from the packing'
-    character(len=9), parameter :: groups(4) = [character(len=9) :: 'surcharge', 'bond', 'probe', &
-      'window']
+    character(len=9), parameter :: groups(5) = [character(len=9) :: 'surcharge', 'bond', 'probe', &
+      'window', 'tile']
     integer(i4) :: k
-    if (served) call deck%fault(errors, 'D357', 'a partner counts on the grains that it knows', &
-                                'breakage', 1, '', hint)
     do k = 1, size(groups)
       if (deck%count(trim(groups(k))) > 0) call deck%fault(errors, 'D357', '&'//trim(groups(k))// &
         ' counts on the grains of the start', 'breakage', 1, '', hint)
@@ -156,37 +165,71 @@ contains
     if (self%active()) longest_block = minval(self%item%every)
   end function longest_block
 
-  pure logical function due(self, steps)
+  pure logical function due(self, steps, since)
     class(dem_breakage_type), intent(in) :: self
-    integer(i8), intent(in) :: steps  !! taken so far
+    integer(i8), intent(in) :: steps            !! taken so far
+    integer(i8), intent(in), optional :: since  !! taken at a partner's last exchange
     integer(i4) :: k
     due = .false.
     if (.not. self%active()) return
-    due = any([(self%item(k)%due(steps), k=1, size(self%item))])
+    due = any([(self%item(k)%due(steps, since), k=1, size(self%item))])
   end function due
 
-  !> Grains above their strength break.
-  subroutine look(self, system, steps, time, changed, errors)
+  !> Grains above their strength break, but for those that a partner counts on.
+  subroutine look(self, system, steps, time, changed, errors, partner)
     class(dem_breakage_type), intent(inout) :: self
     type(dem_system_type), intent(inout) :: system
     integer(i8), intent(in) :: steps  !! taken so far
     real(wp), intent(in) :: time      !! [s]
     logical, intent(out) :: changed
     type(error_list_type), intent(inout) :: errors
+    type(partner_type), intent(in), optional :: partner
     integer(i4) :: criterion(size(self%group)), k
     integer(i4), allocatable :: order(:)
+    logical :: due
 
     call system%gather()
     call self%renew_limits(system%dem_data_type)
     criterion = 0
     do k = 1, size(self%item)
-      if (self%item(k)%due(steps)) criterion(self%item(k)%material) = self%item(k)%criterion
+      due = self%item(k)%due(steps)
+      if (present(partner)) due = self%item(k)%due(steps, partner%since)
+      if (due) criterion(self%item(k)%material) = self%item(k)%criterion
     end do
     call find_stresses(system%dem_data_type, criterion, self%found)
+    if (present(partner)) call note_above(self, system%dem_data_type, partner%held)
     call self%choose(system%dem_data_type, order)
     changed = size(order) > 0
     if (changed) call self%break_grains(system, order, time, errors)
   end subroutine look
+
+  !> Grains of a partner that are above their strength are counted; they stay.
+  subroutine note_above(self, d, held)
+    class(dem_breakage_type), intent(inout) :: self
+    type(dem_data_type), intent(in) :: d
+    logical, intent(in) :: held(:)
+    logical :: above(size(held))
+    integer(i4) :: first
+    above = held .and. self%found%stress > self%limit
+    if (count(above) > self%above) then
+      first = findloc(above, .true., 1)
+      self%above = count(above)
+      self%first_above = d%grains%id(first)
+      self%ratio_above = self%found%stress(first)/self%limit(first)
+    end if
+    where (held) self%found%stress = 0.0_wp
+  end subroutine note_above
+
+  !> What is told of them (W433), '' as long as there are none.
+  function told_above(self) result(text)
+    class(dem_breakage_type), intent(in) :: self
+    character(len=:), allocatable :: text
+    text = ''
+    if (self%above == 0) return
+    text = 'W433'//': '//str(self%above)//trim(merge(' grain  ', ' grains ', self%above == 1))// &
+      ' that the partner counts on, grain '//str(self%first_above)//' the first, would break: '// &
+      short_number(self%ratio_above)//' of its strength; the solid is too near to what crushes'
+  end function told_above
 
   !> Strengths, if grains have entered or left since the last look.
   subroutine renew_limits(self, d)
@@ -204,7 +247,7 @@ contains
     j = 1
     do i = 1, d%grains%n
       k = self%group(d%grains%material(i))
-      if (k == 0 .or. d%grains%kind(i) /= kind_free) cycle
+      if (k == 0 .or. all(d%grains%kind(i) /= [kind_free, kind_ghost])) cycle
       do while (j < size(self%known))
         if (self%known(j) >= d%grains%id(i)) exit
         j = j + 1
@@ -476,6 +519,7 @@ contains
         short_number(maxval(self%item%fracture_energy))//' J/m2)'
     end associate
     call log%line(text)
+    if (self%above > 0) call log%warn(self%told_above())
   end subroutine log_totals
 
   !> <stem>_breakage.csv, one row a time; <stem>_broken.csv, one row a broken grain.

@@ -104,10 +104,13 @@ contains
       strength = strength*(-log(unit_number(id, self%seed)))**(1.0_wp/self%modulus)
   end function strength_of
 
-  pure logical function due(self, steps)
+  !> Is there a look at this step? Under a partner: was there one since its last exchange?
+  pure logical function due(self, steps, since)
     class(breakage_type), intent(in) :: self
-    integer(i8), intent(in) :: steps
+    integer(i8), intent(in) :: steps            !! so far
+    integer(i8), intent(in), optional :: since  !! steps then
     due = modulo(steps, int(self%every, i8)) == 0
+    if (present(since)) due = steps/self%every > since/self%every
   end function due
 
   !> Diameter of the sphere of a grain's volume [m].

@@ -9,8 +9,8 @@ module dem_grain_stress
   use dem_ellipsoid, only: rotation_of, shape_matrix, matrix_times
   use dem_law_registry, only: place_of_memory
   use dem_shape_state, only: shape_ellipsoid
-  use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_side, &
-    history_root
+  use dem_state, only: dem_data_type, dem_law_type, kind_free, kind_ghost, lanes, &
+    history_size, history_side, history_root
   implicit none
   private
   public :: grain_stress_type, find_stresses, spare_safe, nominal_area, octahedral_of
@@ -45,8 +45,8 @@ module dem_grain_stress
 
 contains
 
-  !> Stresses of all free grains whose material has a criterion; of those that spare_safe knows to
-  !! be safe under all their contacts, nothing.
+  !> Stresses of all free and prescribed grains whose material has a criterion; of those that
+  !! spare_safe knows to be safe under all their contacts, nothing.
   subroutine find_stresses(d, criterion, found)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: criterion(:)  !! (materials) criterion_...
@@ -316,7 +316,7 @@ contains
     type(grain_stress_type), intent(inout) :: found
     real(wp) :: this
 
-    if (d%grains%kind(i) /= kind_free) return
+    if (all(d%grains%kind(i) /= [kind_free, kind_ghost])) return
     select case (criterion(d%grains%material(i)))
     case (criterion_nominal)
       this = load%force/grain_area(d, i, load%arm)

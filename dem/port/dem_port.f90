@@ -20,6 +20,7 @@ module dem_port
   use dem_system, only: dem_system_type
   use dem_sets, only: dem_sets_type, selection_type
   use dem_parts_forces, only: is_left, slice_of_free, stage_none
+  use dem_port_breakage, only: break_accepted
   use dem_port_state, only: reply_hello, reply_describe, reply_selected, put_scalars
   use dem_port_population, only: wake, sleep, relax, set_kinds
   use dem_port_surface, only: select_surface
@@ -43,6 +44,7 @@ module dem_port
     real(wp), allocatable :: held_surfaces(:, :)  !! velocity and spin of surfaces [m/s, rad/s]
     logical :: stale = .false.              !! kinds or masses changed: forces must be rebuilt
     logical :: renewed = .false.            !! the population changed since READY
+    real(wp) :: drift = 0.0_wp              !! step that a partner takes with the grains [s]
   contains
     procedure :: read => read_input
     procedure :: hello
@@ -350,6 +352,7 @@ contains
     else
       call self%let_go()
       self%model%histories%open_system = .true.  ! the partner may change the population
+      if (self%model%breakage%active()) call self%model%system%be_open()
       if (.not. self%model%opened) call self%model%open(errors)
     end if
     if (errors%any()) return
@@ -446,6 +449,7 @@ contains
     class(dem_server_type), intent(inout) :: self
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
+    real(wp) :: start  !! of a step of the partner [s]
 
     if (self%model%pore%active .and. request%verb /= verb_advance) then
       call errors%add('P259', 'a liquid among the grains does not go with '// &
@@ -460,7 +464,9 @@ contains
     case (verb_force)
       call force(self%model, self%sets, request, reply, self%late, errors)
     case (verb_kick_drift)
+      start = self%model%clock%time()
       call kick_drift(self%model, self%sets, request, reply, self%late, errors)
+      self%drift = max(self%drift, self%model%clock%time() - start)
     case (verb_wake, verb_sleep, verb_relax)
       call self%repopulate(request, reply, errors)
     case default
@@ -495,6 +501,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     associate (model => self%model)
       if (.not. self%rehearsing) call model%histories%keep_work(model%system)
+      if (.not. self%rehearsing) call break_grains(self, errors)
       call model%timers%start('keeping states')
       if (self%final) then
         call model%system%forget()
@@ -506,6 +513,18 @@ contains
       self%kept = model%clock
     end associate
   end subroutine accept
+
+  !> Grains break at the accepted state; masses without factors follow.
+  subroutine break_grains(self, errors)
+    class(dem_server_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i8), allocatable :: ids(:)
+    logical :: changed
+    if (.not. self%model%breakage%active() .or. errors%any()) return
+    ids = self%model%system%grains%id
+    call break_accepted(self%model, self%sets, self%kept, self%drift, changed, errors)
+    if (changed .and. .not. errors%any()) call carry_masses(self, ids)
+  end subroutine break_grains
 
   !> Back to the last accepted state.
   subroutine reject(self, errors)

@@ -200,7 +200,7 @@ contains
     associate (l => system%ledger)
       value(scalar_kinetic) = l%kinetic - l%staggering
       value(scalar_elastic) = l%elastic_normal + l%elastic_tangential + l%elastic_other
-      value(scalar_friction) = l%friction + l%rolling + l%breakage
+      value(scalar_friction) = l%friction + l%rolling + l%breakage + l%released + l%fines
       value(scalar_plastic) = l%plastic
       value(scalar_contact_damping) = l%contact_damping
       value(scalar_background_damping) = l%background_damping

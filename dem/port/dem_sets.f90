@@ -39,6 +39,8 @@ module dem_sets
     procedure :: select
     procedure :: put => put_set
     procedure :: forget_grains
+    procedure :: mark
+    procedure :: renumber
   end type dem_sets_type
 
 contains
@@ -146,6 +148,34 @@ contains
     self%count = n
     if (allocated(self%set)) self%set = self%set(:n)
   end subroutine forget_grains
+
+  !> Grains of all sets.
+  pure function mark(self, n) result(marked)
+    class(dem_sets_type), intent(in) :: self
+    integer(i4), intent(in) :: n  !! grains
+    logical :: marked(n)
+    integer(i4) :: k
+    marked = .false.
+    do k = 1, self%count
+      if (self%set(k)%role /= role_surface) marked(self%set(k)%index) = .true.
+    end do
+  end function mark
+
+  !> The same grains by other numbers, as others have left and entered.
+  subroutine renumber(self, before, system, errors)
+    class(dem_sets_type), intent(inout) :: self
+    integer(i8), intent(in) :: before(:)  !! ids by the numbers until now
+    type(dem_system_type), intent(in) :: system
+    type(error_list_type), intent(inout) :: errors
+    integer(i4), allocatable :: index(:)
+    integer(i4) :: k
+    do k = 1, self%count
+      if (self%set(k)%role == role_surface) cycle
+      call system%find(before(self%set(k)%index), index, errors)
+      if (errors%any()) return
+      self%set(k)%index = index
+    end do
+  end subroutine renumber
 
   subroutine move_set(from, to)
     type(dem_set_type), intent(inout) :: from, to

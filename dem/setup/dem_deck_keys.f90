@@ -1633,7 +1633,8 @@ contains
       //' Strengths and fragments follow from the ids of grains alone. What has broken is' &
       //' written to `<deck>_breakage.csv`, each broken grain to `<deck>_broken.csv`; ' &
       //'`released` and `fines` are columns of the ledger. Not with `&surcharge`, ' &
-      //'`&bond`, `&probe`, `&window` or a partner (D357).', repeats=.true.)
+      //'`&bond`, `&probe`, `&window` or `&tile` (D357). Under a partner they break as an' &
+      //' exchange is accepted; what the partner counts on stays whole (W433).', repeats=.true.)
     call table%add_key('material', 'string', '', &
       'Material whose free grains break; fixed and driven ones never do.')
     call table%need()

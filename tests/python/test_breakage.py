@@ -1,6 +1,8 @@
 """Grains that break: balances, same bits for threads, ranks, restarts, all kinds of boundaries."""
 
+import os
 import subprocess
+import time
 from pathlib import Path
 
 import h5py
@@ -159,6 +161,44 @@ def test_a_stop_after_a_break_goes_on_by_the_same_bits(tmp_path: Path) -> None:
     assert read_history(tmp_path / "deck_broken.csv")["time"][-1] == at
     run(tmp_path, BOX, OUTPUT, options=("--restart=auto",))
     assert contents(tmp_path / "end.h5") == end
+
+
+def test_kills_change_no_bit(tmp_path: Path) -> None:
+    """Killed at any moment, amid breaks and lists, a run that goes on ends by the same bits."""
+    write_loose(tmp_path)
+    output = OUTPUT.replace("5.0e-5", "1.0e-5")
+    run(tmp_path, BOX, output)
+    end = contents(tmp_path / "end.h5")
+    texts = {name: (tmp_path / f"deck_{name}.csv").read_text() for name in ("broken", "breakage")}
+    assert len(texts["broken"].splitlines()) > 20
+    for path in [tmp_path / "end.h5", *tmp_path.glob("deck.chk*"), *tmp_path.glob("deck_*.csv")]:
+        path.unlink()
+    command = [str(find_program("talus-dem")), "deck.nml", "--threads=1", "--restart=auto"]
+    rng = np.random.default_rng(3)
+    kills = 0
+    for _ in range(20):
+        seen = checkpoints(tmp_path)
+        with subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.DEVNULL) as running:
+            while running.poll() is None and checkpoints(tmp_path) == seen:
+                time.sleep(0.002)
+            time.sleep(rng.uniform(0.0, 0.05))
+            kills += running.poll() is None
+            running.kill()
+        if running.returncode == 0:
+            break
+    assert kills > 3
+    if running.returncode != 0:
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+        assert done.returncode == 0, done.stdout + done.stderr
+    assert contents(tmp_path / "end.h5") == end
+    for name, text in texts.items():
+        assert (tmp_path / f"deck_{name}.csv").read_text() == text
+
+
+def checkpoints(folder: Path) -> set[int]:
+    """Return the inodes of the checkpoints that there are."""
+    with os.scandir(folder) as found:
+        return {entry.inode() for entry in found if entry.name.startswith("deck.chk")}
 
 
 def test_ranks_break_the_same_grains(tmp_path: Path) -> None:
