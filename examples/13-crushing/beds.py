@@ -15,6 +15,8 @@ from talus.verification import read_history
 HERE = Path(__file__).parent
 COUNT, ACROSS, RADIUS, SPREAD, SIDE = 5000, 20, 1.0e-3, 0.1, 50.0e-3  # [m]
 AXES = {"spheres": np.ones(3), "ellipsoids": np.array([1.25, 1.0, 0.8])}  # of volume 1
+DEPOSITED = {"spheres": "10.2e-3", "ellipsoids": "12.9e-3"}  # [s]
+PLATE = 2.5  # speed of compression [m/s]
 SPEED = 0.5  # of grains of the loose bed, so that they forget their lattice [m/s]
 
 
@@ -24,7 +26,7 @@ def loose(shape: str, seed: int) -> float:
     sizes = RADIUS * rng.permutation(uniform_sizes(COUNT, SPREAD, rng))
     reach = RADIUS * (1.0 + SPREAD) * AXES[shape].max()
     pitch = np.array([SIDE / ACROSS, SIDE / ACROSS, 2.05 * reach])
-    if shape == "ellipsoids":  # only orientations that fit; two lattices of half a column
+    if shape == "ellipsoids":
         pitch[:2] = SIDE / 18
     across = int(round(SIDE / pitch[0]))
     place = np.array(list(np.ndindex(-(-COUNT // across**2), across, across)))[:COUNT, ::-1]
@@ -48,11 +50,13 @@ def main(what: str, *rest: str) -> None:
     """Write what a stage needs."""
     if what == "loose":
         height = loose(rest[0], int(rest[1]))
-        fill("deposit", "deposit", {"HEIGHT": f"{height:.9e}"})
+        fill("deposit", "deposit", {"HEIGHT": f"{height:.9e}", "T_END": DEPOSITED[rest[0]]})
     else:
         words = dict(word.split("=", 1) for word in rest[1:])
         walls = read_history(Path("deposit_walls.csv"))
-        words["HEIGHT"] = f"{walls['z'][walls['wall'] == 2][-1]:.9e}"
+        height = walls["z"][walls["wall"] == 2][-1]
+        words |= {"HEIGHT": f"{height:.9e}", "TIP": f"{height + 5.0e-5:.5e}",
+                  "T_END": f"{0.5 * height / PLATE:.6e}", "SPEED": f"{PLATE}"}  # fmt: skip
         fill(what, rest[0], words)
 
 
