@@ -15,10 +15,10 @@ from talus.grading_plots import sieves_of  # noqa: E402
 from talus.histories import read  # noqa: E402
 from talus.verification import read_history  # noqa: E402
 
-STRENGTH, AREA, COUNT, DENSITY = 30.0e6, 2.5e-3, 5000, 2650.0
+STRENGTH, AREA, COUNT, DENSITY = 30.0e6, 2.5e-3, 5000, 2650.0  # [Pa], [m2], [kg/m3]
 PARTS = (0.002, 0.01, 0.05, 0.2, 0.4)  # of the grains, broken
 COLOURS = {"1.5": "C3", "3.0": "k", "6.0": "C0"}
-TIP, DIAMETER, SPEED = 2, 10.0e-3, 5.0  # part of the cone in the rows; [m], [m/s]
+DIAMETER, SPEED = 10.0e-3, 5.0  # of the cone [m], [m/s]
 
 
 def compression(run: Path) -> dict[str, np.ndarray]:
@@ -43,6 +43,21 @@ def at_parts(rows: dict[str, np.ndarray]) -> list[str]:
     return found
 
 
+def slope_of(rows: dict[str, np.ndarray]) -> str:
+    """Return the slope of log e over log stress, where stress is 1.05 times that of yield or more.
+
+    Yield: the largest stress so far when a twentieth has broken; a range of less than a fifth of
+    the stress gives none.
+    """
+    most = rows["most"]
+    start = 1.05 * most[np.argmax(rows["events"] >= 0.05)]
+    beyond = most >= start
+    if not beyond.any() or most[-1] < 1.2 * start:
+        return "    -"
+    line = np.polyfit(np.log(most[beyond]), np.log(rows["void_ratio"][beyond]), 1)
+    return f"{line[0]:5.2f}"
+
+
 def draw_beds(runs: dict[str, dict]) -> None:
     """Draw compression, stress over events, and gradings at the end."""
     fig, axes = plt.subplots(ncols=3, figsize=(13.0, 4.0), layout="constrained")
@@ -56,7 +71,10 @@ def draw_beds(runs: dict[str, dict]) -> None:
         sizes, whole, _ = sieves_of(read(Path(name) / "compress_grading.csv"))
         axes[2].semilogx(1e3 * sizes, 100.0 * whole[-1], color=colour,
                          label=label and f"{label}: {rows['events'][-1]:.2f}")  # fmt: skip
-    axes[0].set(xlabel="largest stress so far / strength [-]", ylabel="void ratio of grains [-]")
+    axes[0].set(xlabel="largest stress so far / strength [-]", ylabel="void ratio of grains [-]",
+                xlim=(0.02, 0.5), xticks=(0.02, 0.05, 0.1, 0.2, 0.5),
+                xticklabels=("0.02", "0.05", "0.1", "0.2", "0.5"))  # fmt: skip
+    axes[0].minorticks_off()
     axes[0].legend(fontsize=8)
     axes[1].axhspan(0.12, 0.30, color="0.9", zorder=0)
     axes[1].axvline(0.05, color="0.6", lw=0.8, ls=":")
@@ -78,7 +96,7 @@ def draw_cone() -> str:
         depth = SPEED * rows["time"][parts[0]]
         label = {"whole": "grains cannot break", "breaking": "grains break"}[kind]
         axes[0].plot(1e3 * depth, 1e-3 * force, color=colour, label=label)
-        last[kind] = dict(zip(depth, force, strict=True))
+        last[kind] = (depth, force)
     broken = read_history(Path("cone-breaking") / "penetrate_broken.csv")
     r = np.hypot(broken["x"] - 25.0e-3, broken["y"] - 25.0e-3)
     dots = axes[1].scatter(1e3 * r, 1e3 * broken["z"], c=1e3 * SPEED * broken["time"], s=6,
@@ -89,9 +107,9 @@ def draw_cone() -> str:
     axes[1].set(xlabel="distance from the axis [mm]", ylabel="height [mm]",
                 title="where grains have broken", aspect="equal")  # fmt: skip
     fig.savefig("cone.png", dpi=110)
-    both = sorted(set(last["whole"]) & set(last["breaking"]))
-    half = both[len(both) // 2 :]
-    means = [np.mean([last[kind][depth] for depth in half]) for kind in ("whole", "breaking")]
+    end = min(depth[-1] for depth, _ in last.values())
+    half = np.linspace(0.5 * end, end, 200)
+    means = [np.interp(half, *last[kind]).mean() for kind in ("whole", "breaking")]
     reach = np.quantile(r, 0.9) / DIAMETER
     return (f"cone, mean from {1e3 * half[0]:.1f} to {1e3 * half[-1]:.1f} mm: {means[0]:.0f} N "
             f"where grains cannot break, {means[1]:.0f} N where they do; {len(r)} broken, nine "
@@ -105,10 +123,10 @@ def main() -> None:
     runs = {name: compression(Path(name)) for name in names}
     lines = ["largest stress / strength when so many of the grains have broken",
              f"{'run':20s}" + "".join(f" {part:6.3f}" for part in PARTS)
-             + "   at the end: stress events slope"]  # fmt: skip
+             + "   at the end: stress events slope; log e/log stress"]  # fmt: skip
     for name, rows in runs.items():
         lines.append(f"{name:20s} " + " ".join(at_parts(rows)) + f"   {rows['most'][-1]:16.3f} "
-                     f"{rows['events'][-1]:6.2f} {rows['slope'][-1]:5.2f}")  # fmt: skip
+                     f"{rows['events'][-1]:6.2f} {rows['slope'][-1]:5.2f}       {slope_of(rows)}")  # fmt: skip
     draw_beds(runs)
     lines.append(draw_cone())
     Path("study.txt").write_text("\n".join(lines) + "\n")

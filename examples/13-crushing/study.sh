@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Beds of 5000 spheres and ellipsoids are compressed, and met by a cone. Usage: study.sh OUT
-# Twenty minutes of one core for all; the runs of a shape do not depend on each other.
+# A quarter of an hour of one core for all; the runs of a shape do not depend on each other.
 source "$(dirname "$0")/../head.sh"
 enter "${1:?usage: study.sh OUT}"
 crush() { # SHAPE SEED MODULUS
