@@ -30,6 +30,8 @@ module cpl_sets
     real(wp), allocatable :: volume(:)    !! [m^3]
     integer(i4), allocatable :: kind(:)   !! 0 free, 1 fixed, 2 driven
     logical, allocatable :: round(:)
+  contains
+    procedure :: lay_out
   end type pack_type
 
   !> Grains by their row in the pack, nodes by their id.
@@ -59,6 +61,50 @@ module cpl_sets
   end type sets_type
 
 contains
+
+  !> Rows for these ids, rising as those of the pack; what is there no more is a free grain of no
+  !! size.
+  subroutine lay_out(self, id)
+    class(pack_type), intent(inout) :: self
+    integer(i8), intent(in) :: id(:)
+    type(pack_type) :: now
+    integer(i4) :: k, row
+    now%id = id
+    allocate (now%x(3, size(id)), now%quat(4, size(id)), now%radius(size(id)), &
+              now%mass(size(id)), now%inertia(size(id)), now%slimmest(size(id)), &
+              now%volume(size(id)), source=0.0_wp)
+    allocate (now%kind(size(id)), source=0_i4)
+    allocate (now%round(size(id)), source=.false.)
+    now%quat(1, :) = 1.0_wp
+    row = 1
+    do k = 1, size(id)
+      do while (row < size(self%id))
+        if (self%id(row) >= id(k)) exit
+        row = row + 1
+      end do
+      if (row > size(self%id)) exit
+      if (self%id(row) /= id(k)) cycle
+      now%x(:, k) = self%x(:, row)
+      now%quat(:, k) = self%quat(:, row)
+      now%radius(k) = self%radius(row)
+      now%mass(k) = self%mass(row)
+      now%inertia(k) = self%inertia(row)
+      now%slimmest(k) = self%slimmest(row)
+      now%volume(k) = self%volume(row)
+      now%kind(k) = self%kind(row)
+      now%round(k) = self%round(row)
+    end do
+    self%id = now%id
+    self%x = now%x
+    self%quat = now%quat
+    self%radius = now%radius
+    self%mass = now%mass
+    self%inertia = now%inertia
+    self%slimmest = now%slimmest
+    self%volume = now%volume
+    self%kind = now%kind
+    self%round = now%round
+  end subroutine lay_out
 
   !> Sort grains and nodes; part is set already. Faults I422 to I424, I426, I428.
   subroutine sort(self, cells, pack, errors)

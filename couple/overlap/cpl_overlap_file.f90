@@ -28,6 +28,7 @@ contains
     reference(5, :) = o%pack%inertia
     reference(6, :) = o%pack%slimmest
     call file%put('/grains/reference', reference, errors)
+    call file%put('/grains/reference_id', real(o%pack%id, wp), errors)
     call o%motion%put(file, errors)
     call o%forces%put(file, errors)
     call o%map%put(file, errors)
@@ -47,22 +48,28 @@ contains
     end if
   end subroutine put_overlap
 
-  !> Positions, masses and inertia of all grains in the reference state, from which sets and
-  !! operators are made again.
+  !> Positions, masses, inertia and ids of all grains in the reference state, from which sets and
+  !! operators are made again; ids are 0 in files that have none.
   subroutine read_overlap_reference(checkpoint, path, reference, errors)
     type(checkpoint_type), intent(in) :: checkpoint
     character(len=*), intent(in) :: path
-    real(wp), allocatable, intent(out) :: reference(:, :)  !! (6, grains) [m], [kg], [kg m^2]
+    real(wp), allocatable, intent(out) :: reference(:, :)  !! (7, grains) [m], [kg], [kg m^2]
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
+    real(wp), allocatable :: rows(:, :), ids(:)
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
-    call file%get('/grains/reference', reference, errors)
+    call file%get('/grains/reference', rows, errors)
+    if (.not. allocated(rows)) allocate (rows(6, 0))
+    if (size(rows, 1) /= 6) call file%shape_fault('/grains/reference', shape(rows, i8), &
+                                                  [6_i8, size(rows, 2, i8)], errors)
+    allocate (ids(size(rows, 2)), source=0.0_wp)
+    if (file%exists('/grains/reference_id')) &
+      call file%get_into('/grains/reference_id', ids, errors)
     call file%close(errors)
-    if (.not. allocated(reference)) allocate (reference(6, 0))
-    if (size(reference, 1) /= 6) call file%shape_fault('/grains/reference', shape(reference, i8), &
-                                                       [6_i8, size(reference, 2, i8)], errors)
+    if (errors%any()) return
+    reference = reshape([transpose(rows), ids], [7, size(rows, 2)], order=[2, 1])
   end subroutine read_overlap_reference
 
   !> The rest, into an overlap whose sets were made again; I404 when they are others.

@@ -97,11 +97,14 @@ contains
     o%map%sets_hash = hash_of(o)
   end subroutine make_overlap
 
-  !> The grains as they were when the operators were made.
+  !> The grains as they were when the operators were made. Grains that have broken since are among
+  !! them: no operator holds one, but rows stay as they were.
   subroutine take_reference(o, reference, errors)
     type(overlap_type), intent(inout) :: o
-    real(wp), intent(in) :: reference(:, :)  !! (6, grains) [m], [kg], [kg m^2], [m]
+    real(wp), intent(in) :: reference(:, :)  !! (7, grains) [m], [kg], [kg m^2], [m], ids
     type(error_list_type), intent(inout) :: errors
+    if (all(reference(7, :) > 0.0_wp) .and. .not. same_ids(o%pack%id, reference(7, :))) &
+      call o%pack%lay_out(nint(reference(7, :), i8))
     if (size(reference, 2) /= size(o%pack%id)) then
       call errors%add('I404', 'the checkpoint has '//str(size(reference, 2))// &
                       ' grains, talus-dem has '//str(size(o%pack%id)), 'checkpoint', &
@@ -113,6 +116,13 @@ contains
     o%pack%inertia = reference(5, :)
     o%pack%slimmest = reference(6, :)
   end subroutine take_reference
+
+  pure logical function same_ids(id, reference)
+    integer(i8), intent(in) :: id(:)
+    real(wp), intent(in) :: reference(:)
+    same_ids = size(id) == size(reference)
+    if (same_ids) same_ids = all(id == nint(reference, i8))
+  end function same_ids
 
   !> Factors on masses of free grains, masses that prescribed nodes carry, damping of the fine
   !! scale.

@@ -1,7 +1,9 @@
 """Grains that break: balances, same bits for threads, ranks, restarts, all kinds of boundaries."""
 
 import os
+import shutil
 import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -199,6 +201,42 @@ def checkpoints(folder: Path) -> set[int]:
     """Return the inodes of the checkpoints that there are."""
     with os.scandir(folder) as found:
         return {entry.inode() for entry in found if entry.name.startswith("deck.chk")}
+
+
+OVERLAP = Path(__file__).parents[1] / "errors" / "base" / "overlap"
+PRESSED = """&wall id = 'below', point = 0.0, 0.0, -4.0e-3, normal = 0.0, 0.0, 1.0,
+  material = 'quartz', velocity = 0.0, 0.0, 5.0 /
+&breakage material = 'quartz', strength = 1.0e6, size = 1.0e-3, size_exponent = 0.0,
+  smallest = 0.6e-3, check_every = 10 /
+&limits overlap = 0.9 /
+&history every_time = 1.0e-6 /
+"""
+
+
+def test_an_overlap_in_motion_goes_on_by_the_same_bits(tmp_path: Path) -> None:
+    """Grains behind an overlap break, those of it stay whole; stopped twice, no bit changes."""
+    written = {}
+    for name, ends in (("whole", ["4.0e-5"]), ("parts", ["3.0e-6", "2.1e-5", "4.0e-5"])):
+        folder = tmp_path / name
+        shutil.copytree(OVERLAP, folder)
+        with (folder / "grains.nml").open("a") as deck:
+            deck.write(PRESSED)
+        environment = dict(os.environ, PYTHONPATH=os.environ.get("PYTHONPATH", "."))
+        subprocess.run([sys.executable, "make_input.py"], cwd=folder, check=True, env=environment)
+        text = (folder / "deck.nml").read_text() + "&checkpoint every_time = 4.0e-6, keep = 9 /\n"
+        for end in ends:
+            (folder / "deck.nml").write_text(text.replace("t_end = 4.0e-5", f"t_end = {end}"))
+            again = ["--restart=auto"] if end != ends[0] else []
+            command = [str(find_program("talus-couple")), "deck.nml", *again]
+            done = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+            assert done.returncode == 0, done.stdout + done.stderr
+        names = ("deck_audit.csv", "grains_energy.csv", "grains_broken.csv", "grains_breakage.csv")
+        written[name] = {file: (folder / file).read_text() for file in names}
+    assert written["parts"] == written["whole"]
+    broken = read_history(tmp_path / "whole" / "grains_broken.csv")
+    assert sorted(broken["id"]) == [1, 2, 3, 4]
+    energy = read_history(tmp_path / "whole" / "grains_energy.csv")
+    assert energy["relative_closure"][-1] < 2e-3
 
 
 def test_ranks_break_the_same_grains(tmp_path: Path) -> None:
