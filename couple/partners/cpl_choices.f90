@@ -164,8 +164,8 @@ contains
     if (choices%pieces == 1) return
     if (deck%count('facets') == 0 .or. deck%count('pore_interface') > 0 .or. &
         choices%scheme_name /= 'average') &
-      call deck%fault(errors, 'D418', 'only dry facets with the mean force are exchanged in pieces', &
-                      'clock', 1, 'pieces', "leave it out, or write scheme = 'average'")
+      call deck%fault(errors, 'D418', 'only dry facets with the mean force are exchanged in '// &
+                      'pieces', 'clock', 1, 'pieces', "leave it out, or write scheme = 'average'")
   end subroutine check_clock
 
   !> The two solvers in the order grains, solid; faults: D404 sides, D405 launch, D406 names.
