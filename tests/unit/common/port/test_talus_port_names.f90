@@ -16,7 +16,7 @@ program test_talus_port_names
   do k = 1, role_count
     same = same .and. role_number(role_name(k)) == k
   end do
-  call test%check('roles have one number each', same .and. role_count == 5)
+  call test%check('roles have one number each', same .and. role_count == 6)
   call test%check_text('a role', role_name(role_surface), 'surface')
   call test%check('no role', role_number('surf') == 0 .and. role_number('') == 0)
   call test%check_text('a verb', verb_name(verb_last), 'RELAX')
