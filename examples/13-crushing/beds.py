@@ -38,26 +38,26 @@ def loose(shape: str, seed: int) -> float:
     return float(x[:, 2].max() + reach)
 
 
-def fill(deck: str, name: str, words: dict[str, str]) -> None:
-    """Write a deck of the example with its words filled in."""
+def fill(deck: str, name: str, words: dict[str, str], more: str = "") -> None:
+    """Write a deck of the example with its words filled in, and more behind it."""
     text = (HERE / f"{deck}.nml").read_text()
     for word, value in words.items():
         text = text.replace(word, value)
-    Path(f"{name}.nml").write_text(text)
+    Path(f"{name}.nml").write_text(text + more)
 
 
 def main(what: str, *rest: str) -> None:
     """Write what a stage needs."""
     if what == "loose":
         height = loose(rest[0], int(rest[1]))
-        fill("deposit", "deposit", {"HEIGHT": f"{height:.9e}", "T_END": DEPOSITED[rest[0]]})
+        fill("deposit", "deposit", {"HEIGHT": f"{height:.9e}", "@T_END@": DEPOSITED[rest[0]]})
     else:
         words = dict(word.split("=", 1) for word in rest[1:])
         walls = read_history(Path("deposit_walls.csv"))
         height = walls["z"][walls["wall"] == 2][-1]
-        words |= {"HEIGHT": f"{height:.9e}", "TIP": f"{height + 5.0e-5:.5e}",
-                  "T_END": f"{0.5 * height / PLATE:.6e}", "SPEED": f"{PLATE}"}  # fmt: skip
-        fill(what, rest[0], words)
+        words |= {"HEIGHT": f"{height:.9e}", "@TIP@": f"{height + 5.0e-5:.5e}",
+                  "@T_END@": f"{0.5 * height / PLATE:.6e}", "@SPEED@": f"{PLATE}"}  # fmt: skip
+        fill(what, rest[0], words, words.pop("BREAKAGE", ""))
 
 
 main(*sys.argv[1:])

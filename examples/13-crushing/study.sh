@@ -8,7 +8,7 @@ crush() { # SHAPE SEED MODULUS
   mkdir -p "$run"
   cp "$1"/{bed.h5,deposit_walls.csv} "$run"
   cd "$run"
-  "$python" "$here/beds.py" compress compress "SEED=$2" "MODULUS=$3"
+  "$python" "$here/beds.py" compress compress "@SEED@=$2" "@MODULUS@=$3"
   # an overlap beyond its limit ends a run early: what came before counts
   "$TALUS_BIN/talus-dem" compress.nml --threads=1 > compress.out || true
   cd - > /dev/null
