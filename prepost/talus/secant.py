@@ -12,7 +12,7 @@ import numpy as np
 from talus.faults import FaultError
 from talus.specimens import Specimen
 
-PER_CENT = 100.0
+PER_CENT, ROUNDING = 100.0, 1.0e-9
 
 
 @dataclass
@@ -28,13 +28,14 @@ class Secant:
 def secant_at(test: Specimen, strain: float) -> Secant:
     """Secant to a strain of the axis; E557: the test does not reach it."""
     shortening = test.axial_strain
-    if not 0.0 < strain <= shortening.max():
-        most = PER_CENT * shortening.max()
-        text = f"'{test.name}' reaches {most:.4g} %, not {PER_CENT * strain:.4g} %"
+    most = shortening.max()
+    if not 0.0 < strain <= (1.0 + ROUNDING) * most:
+        text = f"'{test.name}' reaches {PER_CENT * most:.4g} %, not {PER_CENT * strain:.4g} %"
         raise FaultError("E557", text, "choose another strain, or the axis that is shortened")
-    last = max(int(np.argmax(shortening >= strain)), 1)
+    reached = min(strain, float(most))
+    last = max(int(np.argmax(shortening >= reached)), 1)
     before, after = shortening[last - 1 : last + 1]
-    part = (strain - before) / (after - before)
+    part = (reached - before) / (after - before)
 
     def at(curve: np.ndarray) -> float:
         """Value at the strain less that at the start."""
