@@ -95,7 +95,6 @@ contains
     call summary%set('ghosts', face%map%ghosts)
     call summary%set('interface_nodes', face%map%nodes)
     call summary%set('iterations', face%ledger%all_iterations)
-    call summary%set('pieces', face%ledger%all_pieces)
     call summary%set('health.interface_work_error', audit%work_error(face))
     call summary%set('health.constraint_residual_m', audit%gap)
     call summary%set('health.force_lag', audit%lag%overall())

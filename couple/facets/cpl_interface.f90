@@ -276,7 +276,6 @@ contains
     class(interface_type), intent(inout) :: self
     self%step = self%step + 1
     self%ledger%pieces = self%pieces%now
-    self%ledger%all_pieces = self%ledger%all_pieces + self%pieces%now
   end subroutine count_exchange
 
   !> What the ghosts did on trial in a rehearsal is where they are; the solid stays on trial.

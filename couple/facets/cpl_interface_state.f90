@@ -86,7 +86,6 @@ module cpl_interface_state
     real(wp) :: largest = 0.0_wp             !! |N'P| or |K u| so far [N]
     integer(i4) :: iterations = 0            !! of the last exchange
     integer(i4) :: pieces = 1                !! of the last exchange
-    integer(i8) :: all_pieces = 0
     integer(i8) :: all_iterations = 0
     real(wp) :: grains(scalar_count) = 0.0_wp, solid(scalar_count) = 0.0_wp
     real(wp) :: grains_new(scalar_count) = 0.0_wp, solid_new(scalar_count) = 0.0_wp
