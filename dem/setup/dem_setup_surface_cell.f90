@@ -7,8 +7,9 @@ module dem_setup_surface_cell
   use talus_log, only: short_number
   use dem_cell, only: is_periodic
   use dem_state, only: dem_cell_type
-  use dem_surface_images, only: body_width, crosses_edges, endless_along
-  use dem_surface_state, only: dem_surfaces_type
+  use dem_surface_images, only: body_width, turned_width, crosses_edges, &
+    endless_along
+  use dem_surface_state, only: dem_surfaces_type, is_round
   implicit none
   private
   public :: check_surfaces_in_cell
@@ -76,7 +77,11 @@ contains
                     errors)
         cycle
       end if
-      width = body_width(s, b, cell, k, turns)
+      if (turns .and. .not. free .and. .not. is_round(s, b)) then
+        width = turned_width(s, b, cell, k, s%spin(:, b))
+      else
+        width = body_width(s, b, cell, k, turns)
+      end if
       if (width < widest) cycle
       call refuse(deck, b, "'"//s%name(b)%s//"' reaches over "//short_number(width)// &
                   ' of edge '//str(k)//' of the periodic cell: it would meet its own image', &

@@ -12,7 +12,7 @@ module dem_surface_images
   implicit none
   private
   public :: reached_images, image_count, image_at
-  public :: body_width, is_endless, endless_along, crosses_edges
+  public :: body_width, turned_width, is_endless, endless_along, crosses_edges
 
   real(wp), parameter :: aligned = 1.0e-9_wp  !! sine of an angle that is none
 
@@ -85,6 +85,32 @@ contains
     end do
     width = high - low
   end function body_width
+
+  !> The same of a mesh that turns about an axis of fixed direction through its centre [-].
+  pure real(wp) function turned_width(s, b, cell, k, axis) result(width)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    type(dem_cell_type), intent(in) :: cell
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: axis(3)  !! of any length
+    real(wp) :: inverse(3, 3), along(3), across, away(3), middle, aside, low, high
+    integer(i4) :: v
+
+    inverse = inverse_of(cell%vectors)
+    along = axis/norm2(axis)
+    across = norm2(inverse(k, :) - dot_product(inverse(k, :), along)*along)
+    low = huge(low)
+    high = -huge(high)
+    do v = s%first_vertex(b), s%first_vertex(b + 1) - 1
+      away = s%mesh%x(:, v) - s%centre(:, b)
+      middle = dot_product(away, along)
+      aside = norm2(away - middle*along)*across
+      middle = middle*dot_product(inverse(k, :), along)
+      low = min(low, middle - aside)
+      high = max(high, middle + aside)
+    end do
+    width = high - low
+  end function turned_width
 
   !> Has the round body b no end?
   pure logical function is_endless(s, b)

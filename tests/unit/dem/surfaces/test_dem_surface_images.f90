@@ -5,7 +5,7 @@ program test_dem_surface_images
   use talus_test, only: test_type
   use dem_cell, only: set_cell, shift_of
   use dem_state, only: dem_cell_type
-  use dem_surface_images, only: reached_images, image_count, image_at, body_width, &
+  use dem_surface_images, only: reached_images, image_count, image_at, body_width, turned_width, &
     is_endless, endless_along, crosses_edges
   use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh
   use dem_surface_state, only: dem_surfaces_type, surface_rigid
@@ -146,6 +146,11 @@ contains
     call test%check('none', image_count(first, [5, 5, 1]) == 0)
     call test%check_close('the same if it turns', body_width(s, 1_i4, box, 1_i4, .true.), &
                           sqrt(0.41_wp), few_roundings)
+    call test%check_close('and about z', turned_width(s, 1_i4, box, 1_i4, &
+                                                   [0.0_wp, 0.0_wp, 2.0_wp]), sqrt(0.41_wp), &
+                          few_roundings)
+    call test%check_close('and about x', turned_width(s, 1_i4, box, 1_i4, &
+                                                   [3.0_wp, 0.0_wp, 0.0_wp]), 0.4_wp, few_roundings)
     call test%check_close('width of the rod', body_width(s, 2_i4, box, 2_i4, .false.), &
                           (0.1_wp + 0.5_wp*sqrt(0.5_wp))/2.0_wp, few_roundings)
     call test%check('the bar has no end', is_endless(s, 3_i4) .and. .not. is_endless(s, 2_i4))
