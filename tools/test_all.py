@@ -3,7 +3,8 @@
 As many suites run at a time as there are cores, at most two; the cases of verification are the
 last suite and do so themselves.
 Usage: test_all.py [--bin build/bin] [--units build/unit] [--only NAME ...]
-Each suite prints its own failures and closes with 'N passed, M failed'.
+Each suite prints its own failures and closes with 'N passed, M failed'; all that it printed, with
+the times of its parts, is kept in build/tests/logs.
 """
 
 import argparse
@@ -24,7 +25,8 @@ PYTEST_FAILED = re.compile(r"(\d+) failed(?:, (\d+) passed)?")
 def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield (name, command) of every suite."""
     python = sys.executable
-    yield "python", [python, "-m", "pytest", "-q", "--no-header", "-x", "tests/python"]
+    yield "python", [python, "-m", "pytest", "-q", "--no-header", "--durations=40", "-x",
+                     "tests/python"]  # fmt: skip
     yield "keys", [python, "tools/keys.py", "--check"]
     yield "style", [python, "tools/style.py"]
     yield "mutants", [python, "tools/mutants.py", "--check"]
@@ -77,6 +79,9 @@ def run_suite(suite: tuple[str, list[str]]) -> tuple[int, int]:
         stderr=subprocess.STDOUT,
         text=True,
     )
+    logs = ROOT / "build" / "tests" / "logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    (logs / f"{name.replace(' ', '_')}.txt").write_text(done.stdout)
     passed, failed = tally(done.stdout, done.returncode)
     seconds = time.monotonic() - start
     line = f"{name:40s} {passed:4d} passed {failed:4d} failed {seconds:8.1f} s"
