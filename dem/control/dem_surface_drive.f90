@@ -1,5 +1,5 @@
-!> Surfaces that follow a curve: their velocity and spin are updated every few steps, as those of
-!! walls are (dem_servo), and so are the loads of free bodies.
+!> Surfaces that follow a curve or motions: their velocity and spin are updated every few steps, as
+!! those of walls are (dem_servo), and so are the loads of free bodies.
 module dem_surface_drive
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -7,8 +7,10 @@ module dem_surface_drive
   use talus_deck, only: deck_type
   use dem_ledger, only: staggering_of, follow_load
   use dem_state, only: dem_data_type
+  use dem_ellipsoid, only: quaternion_from_rotation
   use dem_membrane, only: set_pressure, set_pressures
   use dem_surface_body, only: is_free, set_load, set_loads
+  use dem_surface_paths, only: motion_type, read_motions, moved, mean_motion
   use dem_surface_state, only: servo_velocity, is_bore
   use dem_surface_values, only: set_velocity, stop_servos
   implicit none
@@ -21,6 +23,7 @@ module dem_surface_drive
     type(curve_type), allocatable :: curve(:)
     integer(i4), allocatable :: number(:)             !! (bodies) curve of each, 0: constant
     real(wp), allocatable :: velocity(:, :), spin(:, :)  !! (3, bodies) of the deck [m/s], [rad/s]
+    type(motion_type), allocatable :: motion(:)
     integer(i4), allocatable :: loading(:)            !! (bodies) curve of its load, 0: constant
     real(wp), allocatable :: load(:, :)               !! (6, bodies) of the deck [N], [N m]
     integer(i4), allocatable :: pressing(:)           !! (bodies) curve of its pressure, 0: constant
@@ -32,6 +35,8 @@ module dem_surface_drive
     procedure :: update
     procedure :: follow
     procedure, private :: read_loads
+    procedure, private :: moves
+    procedure, private :: own_motion
     procedure, private :: load_bodies
   end type surface_drive_type
 
@@ -62,6 +67,7 @@ contains
     end do
     n = d%surfaces%n
     self%number = [self%number, (0_i4, k=1, deck%count('membrane'))]
+    call read_motions(deck, d%surfaces, curve, self%motion, errors)
     if (n == 0 .or. n /= size(self%number)) return
     self%velocity = d%surfaces%velocity
     self%spin = d%surfaces%spin
@@ -70,6 +76,9 @@ contains
       self%curve(k)%time = curve(k)%time
       self%curve(k)%value = curve(k)%value
     end do
+    if (served .and. size(self%motion) > 0) &
+      call deck%fault(errors, 'D247', 'surfaces with motions do not work under a partner', &
+                      'motion', 1, '', 'give the surface a constant velocity')
     call self%read_loads(deck, d, curve, errors)
   end subroutine read_drive
 
@@ -107,6 +116,8 @@ contains
   pure integer(i4) function longest_block(self)
     class(surface_drive_type), intent(in) :: self
     longest_block = merge(check_interval, huge(check_interval), any(self%number > 0))
+    if (allocated(self%motion)) &
+      longest_block = merge(check_interval, longest_block, size(self%motion) > 0)
     if (allocated(self%loading)) &
       longest_block = merge(check_interval, longest_block, any(self%loading > 0))
     if (allocated(self%pressing)) &
@@ -124,7 +135,7 @@ contains
     class(surface_drive_type), intent(in) :: self
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time  !! [s]
-    real(wp) :: factor
+    real(wp) :: velocity(3), spin(3)
     integer(i4) :: k
     call self%load_bodies(d, time)
     if (allocated(self%pressing)) then
@@ -135,14 +146,44 @@ contains
       end do
     end if
     do k = 1, size(self%number)
-      if (self%number(k) == 0) cycle
-      factor = self%curve(self%number(k))%mean(time, time + check_interval*d%par%dt)
-      call prescribe(d, k, factor*self%velocity(:, k), factor*self%spin(:, k))
+      if (self%number(k) == 0 .and. .not. self%moves(k)) cycle
+      call self%own_motion(d, k, time, velocity, spin)
+      call prescribe(d, k, velocity, spin)
       if (allocated(d%surfaces%servo) .and. .not. is_bore(d%surfaces, k)) &
         call set_velocity(d%surfaces, k, d%surfaces%velocity(:, k) + &
                           d%surfaces%servo(servo_velocity:servo_velocity + 2, k))
     end do
   end subroutine update
+
+  !> Has body k motions?
+  pure logical function moves(self, k)
+    class(surface_drive_type), intent(in) :: self
+    integer(i4), intent(in) :: k
+    moves = .false.
+    if (allocated(self%motion)) moves = any(self%motion%body == k)
+  end function moves
+
+  !> Velocity [m/s] and spin [rad/s] of body k for the steps to come, those of its own group and its
+  !! motions.
+  pure subroutine own_motion(self, d, k, time, velocity, spin)
+    class(surface_drive_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: k
+    real(wp), intent(in) :: time  !! [s]
+    real(wp), intent(out) :: velocity(3), spin(3)
+    real(wp) :: centre(3), turn(4), lasting, factor
+
+    lasting = check_interval*d%par%dt
+    factor = 1.0_wp
+    if (self%number(k) > 0) factor = self%curve(self%number(k))%mean(time, time + lasting)
+    velocity = factor*self%velocity(:, k)
+    spin = factor*self%spin(:, k)
+    if (.not. self%moves(k)) return
+    centre = d%surfaces%centre(:, k) + lasting*velocity
+    turn = quaternion_from_rotation(lasting*spin)
+    call moved(self%motion, self%curve, k, time, time + lasting, centre, turn)
+    call mean_motion(centre - d%surfaces%centre(:, k), turn, lasting, velocity, spin)
+  end subroutine own_motion
 
   !> Velocity and spin of body k where it is not free.
   pure subroutine prescribe(d, k, velocity, spin)

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 40)
+    call table%init('talus-dem', 41)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -32,6 +32,7 @@ contains
     call group_cylinder(table)
     call group_membrane(table)
     call group_body(table)
+    call group_motion(table)
     call group_servo(table)
     call group_constant_volume(table)
     call group_surcharge(table)
@@ -807,6 +808,43 @@ contains
       //' mean over the next 10.')
     call table%preset('')
   end subroutine group_body
+
+  subroutine group_motion(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('motion', 7, &
+      'A surface, penetrometer or cylinder moves along or turns for some time: several ' &
+      //'groups are motions one after another; those of one time add up, to each other ' &
+      //'and to the velocity and spin of the surface itself. Every 10 steps the surface ' &
+      //'takes the velocity and spin that bring it where its motions do in the next 10, ' &
+      //'so that arcs are followed exactly there. It does not work under talus-couple ' &
+      //'(D247).', repeats=.true.)
+    call table%add_key('surface', 'string', '', 'Id of the surface, penetrometer or cylinder.')
+    call table%need()
+    call table%add_key('from', 'real', 's', 'The motion begins at this time.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call table%add_key('until', 'real', 's', 'It ends at this time. Left out: with the run.')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-18_wp, 1000000000000.0_wp)
+    call table%add_key('velocity', 'real', 'm/s', 'Velocity, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('spin', 'real', 'rad/s', &
+      'Angular velocity, times the curve if there is one.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|0.0')
+    call table%magnitude(0.0_wp, 1000000000.0_wp)
+    call table%add_key('about', 'real', 'm', &
+      'Point in space about which the surface turns. Left out: its own centre.')
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'The curve by which velocity and spin are multiplied: a function of the time of ' &
+      //'the run.')
+    call table%preset('')
+  end subroutine group_motion
 
   subroutine group_servo(table)
     type(key_table_type), intent(inout) :: table

@@ -55,13 +55,14 @@ contains
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     type(error_list_type), intent(inout) :: errors
-    logical :: turns, free  !! by forces
-    real(wp) :: across(3), width
+    logical :: turns, free, one_axis
+    real(wp) :: across(3), axis(3), width
     integer(i4) :: k
 
     free = .false.
-    if (allocated(s%rigid%free)) free = any(s%rigid%free(4:, b) > 0.5_wp)
-    turns = free .or. any(abs(s%spin(:, b)) > 0.0_wp)
+    if (allocated(s%rigid%free)) free = any(s%rigid%free(4:, b) > 0.5_wp)  ! turns by forces
+    call find_axis(deck, s, b, axis, one_axis)
+    turns = free .or. any(abs(axis) > 0.0_wp)
     across = s%spin(:, b) - dot_product(s%spin(:, b), s%round%axis(:, b))*s%round%axis(:, b)
     if (crosses_edges(s, b, cell)) then
       call refuse(deck, b, "'"//s%name(b)%s//"' has no end and leaves the periodic cell at an "// &
@@ -77,8 +78,8 @@ contains
                     errors)
         cycle
       end if
-      if (turns .and. .not. free .and. .not. is_round(s, b)) then
-        width = turned_width(s, b, cell, k, s%spin(:, b))
+      if (turns .and. .not. free .and. one_axis .and. .not. is_round(s, b)) then
+        width = turned_width(s, b, cell, k, axis)
       else
         width = body_width(s, b, cell, k, turns)
       end if
@@ -89,6 +90,32 @@ contains
                   'cylinders without length', errors)
     end do
   end subroutine check_body
+
+  !> Direction of the axis about which body b turns by its own spin and its motions, zero if it does
+  !! not; whether that is one axis.
+  subroutine find_axis(deck, s, b, axis, one_axis)
+    type(deck_type), intent(in) :: deck
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp), intent(out) :: axis(3)
+    logical, intent(out) :: one_axis
+    character(len=:), allocatable :: surface
+    real(wp), allocatable :: spin(:)
+    integer(i4) :: k
+
+    one_axis = .true.
+    axis = s%spin(:, b)
+    if (norm2(axis) > 0.0_wp) axis = axis/norm2(axis)
+    do k = 1, deck%count('motion')
+      call deck%get('motion', k, 'surface', surface)
+      call deck%get('motion', k, 'spin', spin)
+      if (surface /= s%name(b)%s .or. .not. norm2(spin) > 0.0_wp) cycle
+      spin = spin/norm2(spin)
+      one_axis = one_axis .and. (norm2(axis) <= 0.0_wp .or. &
+                                 abs(dot_product(axis, spin)) >= 1.0_wp - along_axis)
+      axis = spin
+    end do
+  end subroutine find_axis
 
   !> Fault of body b in its group of the deck.
   subroutine refuse(deck, b, text, hint, errors)
