@@ -10,6 +10,7 @@ from talus import generate
 from talus.arguments import counting, natural, number, positive, share
 from talus.faults import FaultError
 from talus.forms import LEAST_EXPONENT, TABLE, Forms, check_row, formed, read_table, table_rows
+from talus.gradations import LAWS, law_curve, quarters
 from talus.packing import Packing, write_packing_file
 from talus.progress import watch
 
@@ -44,7 +45,7 @@ def form_options(parser: argparse.ArgumentParser) -> None:
 def cloud_options(new: argparse.ArgumentParser) -> None:
     """Add what a cloud of grains is made of."""
     new.add_argument("--count", type=counting, required=True)
-    axes_option(new, "--axes", "semi-axes [m]; with --gradation their ratios")
+    axes_option(new, "--axes", "semi-axes [m]; with a sieve curve or a law their ratios")
     form_options(new)
     new.add_argument(
         "--shapes", type=Path, metavar="FILE",
@@ -62,19 +63,33 @@ def cloud_options(new: argparse.ArgumentParser) -> None:
         "--sieves", type=Path, metavar="FILE",
         help="the same from a file: a row a sieve, opening [m] and share of the mass that passes",
     )  # fmt: skip
+    sizes.add_argument(
+        "--distribution", nargs=5, metavar=("LAW", "FIRST", "SECOND", "LEAST", "LARGEST"),
+        help="sizes of the middle axes by a law of the mass between two limits [m]; "
+        + "; ".join(f"{law}: {text}" for law, text in LAWS.items()),
+    )  # fmt: skip
     new.add_argument("--seed", type=natural, default=1)
 
 
 def grains_of(options: argparse.Namespace) -> tuple[Forms, np.ndarray, tuple | None]:
     """Return forms, sizes (count) and, where it is asked, the sieve curve of a cloud."""
     forms = forms_of(options)
-    if not (options.gradation or options.sieves):
+    if not (options.gradation or options.sieves or options.distribution):
         rng = np.random.default_rng(options.seed + 1)
         return forms, generate.uniform_sizes(options.count, options.spread, rng), None
-    curve = read_gradation(options.gradation) if options.gradation else read_sieves(options.sieves)
+    curve, whole = curve_of(options)
     # a grain of size 1 has the middle axis 1 m: it passes an opening of its size
     forms.axes = forms.axes / (2.0 * np.median(forms.axes, axis=1, keepdims=True))
-    return forms, generate.sieved_sizes(options.count, *curve), curve
+    return forms, generate.sieved_sizes(options.count, *whole), curve
+
+
+def curve_of(options: argparse.Namespace) -> tuple[tuple, tuple]:
+    """Return the sieve curve that grains are checked by, and all of it that they are made by."""
+    if options.distribution:
+        whole = law_curve(options.distribution)
+        return quarters(*whole), whole
+    read = read_gradation(options.gradation) if options.gradation else read_sieves(options.sieves)
+    return read, read
 
 
 def cloud_of(
