@@ -771,7 +771,7 @@ contains
 
   subroutine group_body(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('body', 7, &
+    call table%add_group('body', 8, &
       'A surface, penetrometer or cylinder that moves and turns by forces in some ' &
       //'directions (contacts, weight, a given load), and with its own velocity and spin ' &
       //'in the others; where it is free, these are its first ones. It meets fixed and ' &
@@ -795,6 +795,13 @@ contains
       //'centre, which must be principal axes at the start.')
     call table%sized(1_i4, huge(1_i4))
     call table%magnitude(0.0_wp, 1e+21_wp)
+    call table%add_key('density', 'real', 'kg/m3', &
+      'Density, in place of mass and inertia: both, and the centre of the surface, ' &
+      //'follow from the volume that a closed mesh or a cylinder with ends encloses. If ' &
+      //'it turns about all three axes, these must be its principal ones (D287).')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+24_wp)
+    call table%excludes('mass|inertia')
     call table%add_key('force', 'real', 'N', 'Given force, in space, at the centre.')
     call table%sized(3_i4, 3_i4)
     call table%preset('0.0|0.0|0.0')

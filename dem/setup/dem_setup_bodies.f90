@@ -4,13 +4,16 @@ module dem_setup_bodies
   use talus_errors, only: error_list_type
   use talus_text, only: string_type
   use talus_deck, only: deck_type
+  use talus_log, only: short_number
   use talus_suggest, only: did_you_mean
   use dem_surface_body, only: no_free_bodies, set_load, is_free
+  use dem_surface_solid, only: encloses, solid_of_body
   use dem_surface_state, only: dem_surfaces_type, is_cylinder
   implicit none
   private
   public :: read_bodies
 
+  real(wp), parameter :: near = 1.0e-6_wp  !! part of the size or the inertia that is none
   character(len=2), parameter :: direction(6) = ['x ', 'y ', 'z ', 'rx', 'ry', 'rz']
 
 contains
@@ -52,6 +55,7 @@ contains
       where (direction == names(j)%s) free = 1.0_wp
     end do
     s%rigid%free(:, b) = free
+    if (deck%given('body', k, 'density')) call weigh(deck, k, b, s, errors)
     if (deck%given('body', k, 'mass')) call deck%get('body', k, 'mass', s%rigid%mass(b))
     if (deck%given('body', k, 'inertia')) then
       call deck%get('body', k, 'inertia', values)
@@ -64,6 +68,37 @@ contains
     call set_load(s, b, load)
     call check_body(deck, k, s, b, errors)
   end subroutine read_body
+
+  !> Mass and moments of inertia of body b from a density (D287).
+  subroutine weigh(deck, k, b, s, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k, b
+    type(dem_surfaces_type), intent(inout) :: s
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: density, volume, away(3), inertia(3, 3), mixed
+    integer(i4) :: j
+
+    if (.not. encloses(s, b)) then
+      call deck%fault(errors, 'D287', "surface '"//s%name(b)%s//"' encloses no volume", 'body', k, &
+                      'density', 'a closed mesh or a cylinder with a length does; else give '// &
+                      'mass and inertia')
+      return
+    end if
+    call deck%get('body', k, 'density', density)
+    call solid_of_body(s, b, volume, away, inertia)
+    s%rigid%mass(b) = density*volume
+    s%rigid%inertia(:, b) = [(density*inertia(j, j), j=1, 3)]
+    if (norm2(away) > near*s%reach(b)) &
+      call deck%fault(errors, 'D287', "the centre of surface '"//s%name(b)%s//"' is "// &
+                      short_number(norm2(away))//' m beside its mass centre', 'body', k, &
+                      'density', 'leave the centre of the surface out')
+    mixed = max(abs(inertia(1, 2)), abs(inertia(1, 3)), abs(inertia(2, 3)))
+    if (all(s%rigid%free(4:, b) > 0.5_wp) .and. mixed > near*maxval(abs(inertia))) &
+      call deck%fault(errors, 'D287', "x, y, z are no principal axes of surface '"// &
+                      s%name(b)%s//"': a product of inertia is "//short_number(density*mixed)// &
+                      ' kg m2', 'body', k, 'density', 'turn the mesh so that its principal '// &
+                      'axes lie along x, y, z')
+  end subroutine weigh
 
   !> The surface that a body names (D286).
   subroutine find_body(deck, k, s, b, errors)
@@ -136,10 +171,11 @@ contains
     axes = nint(sum(s%rigid%free(4:, b)))
     if (any(s%rigid%free(:3, b) > 0.5_wp) .and. .not. s%rigid%mass(b) > 0.0_wp) &
       call deck%fault(errors, 'D287', 'a body that moves freely has no mass', 'body', k, '', &
-                      'give mass = ... in kg')
-    if (axes > 0 .and. .not. deck%given('body', k, 'inertia')) &
+                      'give mass = ... in kg or a density')
+    if (axes > 0 .and. .not. (deck%given('body', k, 'inertia') .or. &
+                              deck%given('body', k, 'density'))) &
       call deck%fault(errors, 'D287', 'a body that turns freely has no moment of inertia', &
-                      'body', k, '', 'give inertia = ... in kg m2')
+                      'body', k, '', 'give inertia = ... in kg m2 or a density')
     if (axes == 2) &
       call deck%fault(errors, 'D287', 'a body turns freely about one axis or about all three', &
                       'body', k, 'free', 'name one of rx, ry, rz, or all of them')

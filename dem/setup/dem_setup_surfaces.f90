@@ -11,6 +11,7 @@ module dem_setup_surfaces
   use dem_stl, only: read_stl
   use dem_surface_file, only: read_facets
   use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh
+  use dem_surface_solid, only: solid_of_triangles
   use dem_surface_state, only: dem_surfaces_type, surface_rigid, surface_membrane, soft_smooth, &
     is_bore
   use dem_surface_values, only: add_mesh, add_cone, add_cylinder, set_velocity
@@ -84,7 +85,7 @@ contains
     type(mesh_type) :: mesh
     real(wp), allocatable :: corner(:, :, :), values(:)
     character(len=:), allocatable :: name
-    real(wp) :: smooth, scale, centre(3)
+    real(wp) :: smooth, scale, centre(3), volume, second(3, 3)
     logical :: closed
     integer(i4) :: before, number
 
@@ -105,10 +106,25 @@ contains
     if (deck%given('surface', k, 'centre')) then
       call deck%get('surface', k, 'centre', values)
       centre = values
+    else if (has_density(deck, name) .and. mesh%rim == 0) then
+      call solid_of_triangles(mesh%x, mesh%corner, volume, centre, second)
     end if
     call add_mesh(s, mesh, name, surface_rigid, number, cos(smooth*degree), centre)
     call read_motion(deck, 'surface', k, s)
   end subroutine read_surface
+
+  !> Does a body give the surface a density? Its centre is then that of its mass.
+  logical function has_density(deck, name)
+    type(deck_type), intent(in) :: deck
+    character(len=*), intent(in) :: name
+    character(len=:), allocatable :: surface
+    integer(i4) :: k
+    has_density = .false.
+    do k = 1, deck%count('body')
+      call deck%get('body', k, 'surface', surface)
+      has_density = has_density .or. (surface == name .and. deck%given('body', k, 'density'))
+    end do
+  end function has_density
 
   !> Corners of the triangles from a file, or a rectangle (D271).
   subroutine read_corners(deck, k, corner, name, errors)

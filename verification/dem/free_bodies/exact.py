@@ -1,6 +1,7 @@
 """Bodies that move freely: flight, a bounce, a plank on rollers, a plate under a dead load."""
 
 from math import gamma
+from pathlib import Path
 
 import numpy as np
 
@@ -16,6 +17,7 @@ ROUNDING = 1.0e-9  # between histories on ranks, over the largest value of their
 def run(case: Case) -> None:
     """Four runs, each with its own closed form or balance; restart and threads of the last."""
     fly(case)
+    fly_by_density(case)
     bounce = fall(case)
     ledger = [roll(case), press(case)]
     case.below("ledger of plank and plate", max_of(ledger), 1e-4)
@@ -67,6 +69,49 @@ def body_spin(rows: dict[str, np.ndarray], w: np.ndarray, u: np.ndarray) -> np.n
     spin = np.stack([rows[f"spin_{c}"] for c in "xyz"], -1)
     t = 2.0 * np.cross(-u, spin)
     return spin + w[:, None] * t + np.cross(-u, t)
+
+
+def fly_by_density(case: Case) -> None:
+    """Throw a brick of a mesh, anywhere in space: its mass, place and inertia are its volume's."""
+    edge, corner, density = np.array([0.1, 0.06, 0.04]), np.array([2.0, -1.0, 3.0]), 2000.0
+    path = case.folder / "brick.stl"
+    write_brick(path, corner, edge)
+    end, spin, load = 0.1, np.array([20.0, 1.0, 30.0]), np.array([0.0, 3.0, 0.0])
+    go(case, "brick", f"""&run title = 'Brick', t_end = {end}, gravity = 0.0, 0.0, -{G} /
+&surface id = 'brick', file = 'brick.stl', material = 'grain', scale = 1.0, closed = .true.,
+  spin = {spin[0]}, {spin[1]}, {spin[2]} /
+&body surface = 'brick', free = 'x', 'y', 'z', 'rx', 'ry', 'rz', density = {density},
+  force = {load[0]}, {load[1]}, {load[2]} /
+&fixed ids = 1 /
+&dynamics dt = 1.0e-5 /
+&history every_time = 1.0e-3 /
+""", np.array([[0.0, 0.0, -1.0]]))  # fmt: skip
+    rows = read_history(case.folder / "brick_bodies.csv")
+    mass = density * edge.prod()
+    t = rows["time"][:, None]
+    place = np.stack([rows[c] for c in "xyz"], -1)
+    exact = corner + 0.5 * edge + 0.5 * (np.array([0.0, 0.0, -G]) + load / mass) * t**2
+    case.below("brick by its density, flight less the parabola", float(np.abs(place - exact).max()),
+               1e-11, "[m]")  # fmt: skip
+    inertia = mass / 12.0 * ((edge**2).sum() - edge**2)
+    w, *axis = (rows[f"turn_{c}"] for c in "wxyz")
+    momentum = inertia * body_spin(rows, w, np.stack(axis, -1))
+    size = np.linalg.norm(momentum, axis=1)
+    case.below("brick by its density, change of the angular momentum",
+               float(np.abs(size / size[0] - 1.0).max()), 1e-12)  # fmt: skip
+
+
+def write_brick(path: Path, corner: np.ndarray, edge: np.ndarray) -> None:
+    """Write the twelve triangles of a brick as STL in text."""
+    x = corner + np.indices((2, 2, 2)).reshape(3, -1).T * edge
+    lines = ["solid brick"]
+    faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
+    for a, b, c, d in faces:
+        for facet in ((a, b, c), (a, c, d)):
+            lines += ["facet normal 0 0 0", "outer loop"]
+            lines += ["vertex {:.9g} {:.9g} {:.9g}".format(*x[k]) for k in facet]
+            lines += ["endloop", "endfacet"]
+    path.write_text("\n".join([*lines, "endsolid brick"]) + "\n")
 
 
 def fall(case: Case) -> dict[str, np.ndarray]:
