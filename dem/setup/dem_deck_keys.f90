@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 41)
+    call table%init('talus-dem', 42)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -24,6 +24,7 @@ contains
     call group_contact(table)
     call group_bond(table)
     call group_particles(table)
+    call group_grains(table)
     call group_fixed(table)
     call group_driven(table)
     call group_wall(table)
@@ -466,6 +467,59 @@ contains
     call table%add_key('driven_material', 'string', '', &
       'Material of grains that the packing marks as driven, where it differs.')
   end subroutine group_particles
+
+  subroutine group_grains(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('grains', 11, &
+      'Grains of another material than `&particles` gives them, by a group of the ' &
+      //'packing, by ids or by a region; a grain that several name has that of the last. ' &
+      //'Not with `&window` or `&tile` (D381).', repeats=.true.)
+    call table%one_of('group|ids|region')
+    call table%add_key('material', 'string', '', 'Material of these grains.')
+    call table%need()
+    call table%add_key('group', 'string', '', &
+      'A group of the packing. Give this, ids or region.')
+    call table%add_key('ids', 'integer', '', 'Ids of grains. Give this, group or region.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%add_key('region', 'string', '', &
+      'Grains whose centres lie in it at the start. Give this, group or ids.')
+    call table%allow('box|cylinder|sphere')
+    call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('upper', 'real', 'm', 'Upper corner of a box.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'box')
+    call table%add_key('base', 'real', 'm', 'Centre of the lower face of a cylinder.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call table%add_key('centre', 'real', 'm', 'Centre of a sphere.')
+    call table%need()
+    call table%sized(3_i4, 3_i4)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%only_with('region', 'sphere')
+    call table%add_key('axis', 'real', '', 'Direction of a cylinder, of any length.')
+    call table%sized(3_i4, 3_i4)
+    call table%preset('0.0|0.0|1.0')
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('region', 'cylinder')
+    call table%add_key('radius', 'real', 'm', 'Radius of a cylinder or a sphere.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder|sphere')
+    call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('region', 'cylinder')
+  end subroutine group_grains
 
   subroutine group_fixed(table)
     type(key_table_type), intent(inout) :: table

@@ -12,8 +12,9 @@ module dem_setup
   use dem_shape_make, only: make_shapes
   use dem_make, only: make_grains, sorted_order
   use dem_measure, only: largest_overlap
-  use dem_packing, only: dem_packing_type, read_packing, empty_packing, drop_grains, group_index
+  use dem_packing, only: dem_packing_type, read_packing, empty_packing, drop_grains
   use dem_setup_surfaces, only: read_surfaces, check_units
+  use dem_setup_grains, only: named_rows, usual_materials, materials_of_grains
   use dem_setup_bonds, only: read_bonds
   use dem_setup_laws, only: read_materials, read_contacts, read_walls, check_pair, &
     material_index
@@ -55,7 +56,7 @@ contains
     call read_walls(deck, choices%material, system%planes, choices%wall, errors)
     call read_surfaces(deck, choices%material, system%surfaces, errors)
     call read_bonds(deck, system%pairs%additional, errors)
-    call grain_materials(deck, choices, material, errors)
+    call usual_materials(deck, choices%material, material, errors)
     call source_materials(deck, material(1), choices, errors)
     call read_parameters(deck, system, choices)
     call read_grains(deck, packing, errors)
@@ -85,27 +86,6 @@ contains
                       '', 'a deck has exactly one of the two')
     end if
   end subroutine check_mode
-
-  !> Materials of free, fixed and driven grains.
-  subroutine grain_materials(deck, choices, material, errors)
-    type(deck_type), intent(in) :: deck
-    type(dem_choices_type), intent(in) :: choices
-    integer(i4), intent(out) :: material(3)
-    type(error_list_type), intent(inout) :: errors
-    character(len=15), parameter :: keys(3) = [character(len=15) :: &
-      'material', 'fixed_material', 'driven_material']
-    integer(i4) :: k
-
-    material = 0
-    do k = 1, 3
-      if (.not. deck%given('particles', 1, trim(keys(k)))) then
-        material(k) = material(1)
-        cycle
-      end if
-      call material_index(deck, choices%material, 'particles', 1, trim(keys(k)), material(k), &
-                          errors)
-    end do
-  end subroutine grain_materials
 
   !> Materials of what a window and sources bring, and of what breaks.
   subroutine source_materials(deck, usual, choices, errors)
@@ -212,68 +192,6 @@ contains
     end if
   end subroutine read_step_curve
 
-  !> Rows of the packing that a group with the keys group and ids names (D240, D241).
-  subroutine named_rows(deck, packing, group, k, rows, errors)
-    type(deck_type), intent(in) :: deck
-    type(dem_packing_type), intent(in) :: packing
-    character(len=*), intent(in) :: group
-    integer(i4), intent(in) :: k
-    integer(i4), allocatable, intent(out) :: rows(:)
-    type(error_list_type), intent(inout) :: errors
-    integer(i8), allocatable :: ids(:)
-    integer(i4), allocatable :: numbers(:)
-    character(len=:), allocatable :: name, hint
-    integer(i4) :: g, j
-
-    allocate (rows(0))
-    if (deck%given(group, k, 'group')) then
-      call deck%get(group, k, 'group', name)
-      call group_index(packing%group, name, g, hint)
-      if (g == 0) then
-        call deck%fault(errors, 'D240', "the packing has no group '"//name//"'", group, k, &
-                        'group', hint)
-        return
-      end if
-      ids = packing%group(g)%id
-    else
-      call deck%get(group, k, 'ids', numbers)
-      ids = int(numbers, i8)
-    end if
-    deallocate (rows)
-    rows = rows_of(packing%id, ids)
-    do j = 1, size(ids)
-      if (rows(j) > 0) cycle
-      call deck%fault(errors, 'D241', 'the packing has no grain with id '//str(ids(j)), group, k, &
-                      'ids', 'ids run from '//str(minval(packing%id))//' to '// &
-                      str(maxval(packing%id)))
-      rows = rows(:0)
-      return
-    end do
-  end subroutine named_rows
-
-  !> Rows of some ids, 0 for an id that is not known.
-  pure function rows_of(known, ids) result(rows)
-    integer(i8), intent(in) :: known(:), ids(:)
-    integer(i4), allocatable :: rows(:), order(:)
-    integer(i4) :: k, low, high, middle
-
-    allocate (rows(size(ids)), source=0)
-    order = sorted_order(known)
-    do k = 1, size(ids)
-      low = 1
-      high = size(known)
-      do while (low < high)
-        middle = (low + high)/2
-        if (known(order(middle)) < ids(k)) then
-          low = middle + 1
-        else
-          high = middle
-        end if
-      end do
-      if (known(order(low)) == ids(k)) rows(k) = order(low)
-    end do
-  end function rows_of
-
   !> Fixed grains of the deck; all fixed grains are at rest.
   subroutine hold_grains(deck, packing, errors)
     type(deck_type), intent(in) :: deck
@@ -343,9 +261,8 @@ contains
     logical, allocatable :: grains(:), walls(:)
     integer(i4) :: a, b
 
-    allocate (of_grain(packing%n), source=material(1))
-    where (packing%kind == kind_fixed) of_grain = material(2)
-    where (packing%kind == kind_driven) of_grain = material(3)
+    call materials_of_grains(deck, packing, choices%material, material, of_grain, errors)
+    if (errors%any()) return
     allocate (grains(size(system%materials)), walls(size(system%materials)), source=.false.)
     grains(of_grain) = .true.
     grains(choices%of_entering) = .true.
