@@ -596,9 +596,9 @@ contains
     call table%add_key('id', 'string', '', 'Name in the log.')
     call table%need()
     call table%add_key('file', 'file', '', &
-      'STL file, binary or text, or a mesh (.h5) with facets. Neighbours must share ' &
-      //'their corners to the last digit and turn alike; the normals of the file are not ' &
-      //'read. Give this or rectangle.')
+      'STL file, binary or text, OBJ file (.obj) or a mesh (.h5) with facets. ' &
+      //'Neighbours must share their corners to the last digit and turn alike; the ' &
+      //'normals of the file are not read. Give this or rectangle.')
     call table%add_key('facets', 'string', '', &
       'Facet group of a mesh. Facets with four corners are cut along their shorter ' &
       //'diagonal (along that of the first node if both are equal); nodes in the middle ' &

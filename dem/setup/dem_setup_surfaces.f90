@@ -8,6 +8,7 @@ module dem_setup_surfaces
   use talus_log, only: short_number
   use dem_packing, only: dem_packing_type
   use dem_setup_laws, only: material_index
+  use dem_obj, only: read_obj
   use dem_stl, only: read_stl
   use dem_surface_file, only: read_facets
   use dem_surface_make, only: mesh_type, round_type, join_corners, check_mesh
@@ -148,10 +149,13 @@ contains
     end if
     name = deck%path('surface', k, 'file')
     if (ends_with(lower(name), '.h5') .neqv. len(facets) > 0) then
-      call deck%fault(errors, 'D271', 'facets belong to meshes (.h5), STL files have none', &
-                      'surface', k, 'file', "for a mesh add facets = 'name of a facet group'")
+      call deck%fault(errors, 'D271', 'facets belong to meshes (.h5), STL and OBJ files have '// &
+                      'none', 'surface', k, 'file', "for a mesh add facets = 'name of a "// &
+                      "facet group'")
     else if (len(facets) > 0) then
       call read_facets(name, facets, corner, errors)
+    else if (ends_with(lower(name), '.obj')) then
+      call read_obj(name, corner, errors)
     else
       call read_stl(name, corner, errors)
     end if

@@ -7,7 +7,7 @@ module dem_stl
   use talus_files, only: read_file
   implicit none
   private
-  public :: read_stl
+  public :: read_stl, check_numbers, cleaned
 
   integer(i4), parameter :: header = 80, record = 50  !! bytes
   character(len=*), parameter :: number_letters = ' 0123456789+-.edinfaty'  !! nan, infinity too
@@ -130,6 +130,7 @@ contains
     end do
   end function cleaned
 
+  !> Coordinates are numbers (I222).
   subroutine check_numbers(path, corner, errors)
     character(len=*), intent(in) :: path
     real(wp), intent(in) :: corner(:, :, :)
