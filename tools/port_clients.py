@@ -123,10 +123,8 @@ def python_module(port: Port) -> str:
         "# fmt: off",
         f'MAGIC = b"{protocol["magic"]}"',
         f"PROTOCOL = {protocol['version']}",
-        f"HEADER_WORDS = {protocol['header_words']}",
-        f"FIELD_WORDS = {protocol['field_words']}",
-        f"NAME_LENGTH = {protocol['name_length']}",
-        f"SCALAR_COUNT = {scalar_count(port)}",
+        f"HEADER_WORDS, FIELD_WORDS = {protocol['header_words']}, {protocol['field_words']}",
+        f"NAME_LENGTH, SCALAR_COUNT = {protocol['name_length']}, {scalar_count(port)}",
         "",
     ]
     for table, title in (

@@ -9,9 +9,9 @@ module talus_port_names
   public :: kind_integer, kind_text, role_report, role_prescribe, role_load, role_surface
   public :: role_border, role_pore, role_count, role_name, role_number, field_a, field_ahead
   public :: field_analysis, field_area, field_axes, field_border_old, field_branch, field_brief
-  public :: field_capabilities, field_compressibility, field_connectivity, field_content
-  public :: field_couple, field_couple_stress, field_darcy, field_deck_hash, field_drift
-  public :: field_dt, field_early, field_element, field_entered, field_error_code
+  public :: field_capabilities, field_compressibility, field_conductance, field_connectivity
+  public :: field_content, field_couple, field_couple_stress, field_darcy, field_deck_hash
+  public :: field_drift, field_dt, field_early, field_element, field_entered, field_error_code
   public :: field_error_hint, field_error_message, field_error_place, field_exponent
   public :: field_fields, field_final, field_flow_work, field_fluid_in, field_force
   public :: field_gravity, field_group, field_hash, field_held, field_held_phi, field_history
@@ -30,17 +30,17 @@ module talus_port_names
   public :: field_stretch, field_substeps, field_t_end, field_tag, field_tangent, field_theta
   public :: field_time, field_tolerance, field_trial, field_triangle, field_turn, field_u
   public :: field_unbalanced, field_v, field_value, field_value_phi, field_version, field_weight
-  public :: field_weight_phi, field_what, field_work, field_x, field_young, dot_a, dot_content
-  public :: dot_darcy, dot_entered, dot_flow_work, dot_fluid_in, dot_force, dot_impulse, dot_load
-  public :: dot_mean_force, dot_mean_moment, dot_moment, dot_moment_impulse, dot_omega, dot_p
-  public :: dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat, dot_reaction
-  public :: dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x, what_grains
-  public :: what_contacts, what_border, what_asleep, what_mesh, what_facets, what_quadrature
-  public :: what_moduli, what_pore, what_groups, what_group, what_contact_weight, what_kind
-  public :: what_places, what_mass_factor, what_quad_weight, what_initial_stress, what_springs
-  public :: what_dead_load, what_pore_storage, scope_all, scope_interface, scope_balance
-  public :: scope_loads, scope_split, scope_between, can_report, can_prescribe, can_load
-  public :: can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
+  public :: field_weight_phi, field_what, field_work, field_x, field_young, dot_a
+  public :: dot_conductance, dot_content, dot_darcy, dot_entered, dot_flow_work, dot_fluid_in
+  public :: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, dot_moment
+  public :: dot_moment_impulse, dot_omega, dot_p, dot_phi, dot_phi_acceleration, dot_phi_rate
+  public :: dot_quat, dot_reaction, dot_reaction_moment, dot_theta, dot_u, dot_v, dot_work, dot_x
+  public :: what_grains, what_contacts, what_border, what_asleep, what_mesh, what_facets
+  public :: what_quadrature, what_moduli, what_pore, what_groups, what_group, what_contact_weight
+  public :: what_kind, what_places, what_mass_factor, what_quad_weight, what_initial_stress
+  public :: what_springs, what_dead_load, what_pore_storage, scope_all, scope_interface
+  public :: scope_balance, scope_loads, scope_split, scope_between, can_report, can_prescribe
+  public :: can_load, can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
   public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
   public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
   public :: can_moduli, can_places, can_pore
@@ -80,6 +80,7 @@ module talus_port_names
   character(len=*), parameter :: field_brief = 'brief'  !! FORCE, KICK_DRIFT
   character(len=*), parameter :: field_capabilities = 'capabilities'  !! HELLO
   character(len=*), parameter :: field_compressibility = 'compressibility'  !! DESCRIBE pore
+  character(len=*), parameter :: field_conductance = 'conductance'
   !> DESCRIBE mesh, DESCRIBE facets
   character(len=*), parameter :: field_connectivity = 'connectivity'
   character(len=*), parameter :: field_content = 'content'
@@ -201,6 +202,7 @@ module talus_port_names
 
   ! Fields of a set, to follow its name: '<set>.<name>'.
   character(len=*), parameter :: dot_a = '.a'  !! solid prescribe, solid load, solid report
+  character(len=*), parameter :: dot_conductance = '.conductance'  !! grains pore
   character(len=*), parameter :: dot_content = '.content'  !! grains pore, solid pore
   character(len=*), parameter :: dot_darcy = '.darcy'  !! grains pore, solid pore
   character(len=*), parameter :: dot_entered = '.entered'  !! grains pore, solid pore

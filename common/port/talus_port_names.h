@@ -178,6 +178,7 @@ enum talus_scalar {
 #define TALUS_FIELD_BRIEF "brief"
 #define TALUS_FIELD_CAPABILITIES "capabilities"
 #define TALUS_FIELD_COMPRESSIBILITY "compressibility"
+#define TALUS_FIELD_CONDUCTANCE "conductance"
 #define TALUS_FIELD_CONNECTIVITY "connectivity"
 #define TALUS_FIELD_CONTENT "content"
 #define TALUS_FIELD_COUPLE "couple"

@@ -19,7 +19,8 @@ module dem_pore_exchange
   use dem_pore_drag, only: set_drag
   use dem_pore_medium, only: count_pores, set_mobility, see_flow
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, brick_matrices
-  use dem_pore_partner, only: add_partner, book_partner, move_partner, node_storage
+  use dem_pore_partner, only: add_partner, add_yield, book_partner, move_partner, node_storage, &
+    take_yield
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
@@ -56,6 +57,7 @@ contains
         inflow = c*pore%hold_p - pore%omega
         pore%omega = c*pore%hold_p
       end where
+      call take_yield(pore, span, inflow)
       call add_up(d, hull, inflow, span*source, span*power)
       pore%sums(sum_exchange) = pore%sums(sum_exchange) + sum(pore%p*(pore%omega - before)) &
                                 - (0.5_wp*sum(c*pore%p**2) - pore%stored)
@@ -251,6 +253,7 @@ contains
       call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
       e%rhs = pore%omega + pore%span*rate
+      call add_yield(pore, pore%span, e%storage, e%rhs)
       where (pore%hold > 0) pore%p = pore%hold_p
       low = -cavitation - hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale* &
                                       d%par%gravity)

@@ -42,7 +42,8 @@ contains
         pore%hold(node) = still(c)
       end do
     end if
-    if (pore%partner%held) pore%hold(pore%partner%node) = by_partner
+    if (pore%partner%held) &
+      pore%hold(pore%partner%node) = merge(0, by_partner, pore%partner%yields)
     call hold_pressures(pore)
   end subroutine hold_nodes
 
@@ -53,7 +54,8 @@ contains
     value = 0.0_wp
     value(1:6) = reshape(pore%drain_value, [6])
     pore%hold_p = value(pore%hold)
-    if (pore%partner%held) pore%hold_p(pore%partner%node) = pore%partner%p
+    if (pore%partner%held .and. .not. pore%partner%yields) &
+      pore%hold_p(pore%partner%node) = pore%partner%p
   end subroutine hold_pressures
 
   !> Side whose still water each brick is of, 0: none.

@@ -3,7 +3,8 @@
 !! It moves as the partner says, with velocities at its nodes between which it is bilinear. What it
 !! sweeps and the forces on it are integrals over the side with the same numbers, so that their
 !! powers agree to rounding. Where the partner holds the pressures all liquid that comes to the
-!! nodes of the side is the partner's, who has the storage of the half bricks there, too. eq. D.60
+!! nodes of the side is the partner's, who has the storage of the half bricks there, too. Or the
+!! side gives way: liquid goes over by a conductance, as the partner would take it. eqs. D.60, D.61
 module dem_pore_partner
   use talus_kinds, only: wp, i4
   use dem_pore_grid, only: brick_edges, node_count, on_side
@@ -12,7 +13,7 @@ module dem_pore_partner
   implicit none
   private
   public :: axis_of, end_of, side_of_nodes, take_side, begin_interval, add_partner, book_partner
-  public :: move_partner, node_storage, over_side, side_force
+  public :: move_partner, node_storage, over_side, side_force, yield_to, add_yield, take_yield
 
 contains
 
@@ -58,13 +59,51 @@ contains
     pore%partner%side = side
     pore%partner%held = held
     pore%partner%node = nodes_of(pore%grid, side)
-    if (held) then
-      pore%partner%p = pore%p(pore%partner%node)
-      pore%hold(pore%partner%node) = by_partner
-    end if
+    if (held) pore%partner%p = pore%p(pore%partner%node)
     pore%partner%v = 0.0_wp*pore%p(pore%partner%node)
+    call yield_to(pore, 0.0_wp*pore%partner%v, 0.0_wp*pore%partner%v)
     call begin_interval(pore)
   end subroutine take_side
+
+  !> From now on liquid goes over by this conductance, beside what is expected; none anywhere: the
+  !! partner holds the pressures.
+  subroutine yield_to(pore, conduct, expected)
+    type(dem_pore_type), intent(inout) :: pore
+    real(wp), intent(in) :: conduct(:)   !! at the side's nodes [m^3/Pa]
+    real(wp), intent(in) :: expected(:)  !! [m^3/s]
+    associate (s => pore%partner)
+      s%conduct = conduct
+      s%expected = expected
+      s%yields = s%held .and. any(conduct > 0.0_wp)
+      if (s%held) pore%hold(s%node) = merge(0, by_partner, s%yields)
+    end associate
+  end subroutine yield_to
+
+  !> What the side gives way by in an exchange, into its equations. eq. D.61
+  subroutine add_yield(pore, span, storage, rhs)
+    type(dem_pore_type), intent(in) :: pore
+    real(wp), intent(in) :: span                       !! [s]
+    real(wp), intent(inout) :: storage(:)              !! (nodes) [m^3/Pa]
+    real(wp), intent(inout) :: rhs(:)                  !! (nodes) [m^3]
+    if (.not. pore%partner%yields) return
+    associate (s => pore%partner)
+      storage(s%node) = storage(s%node) + s%conduct
+      rhs(s%node) = rhs(s%node) + s%conduct*s%p + span*s%expected
+    end associate
+  end subroutine add_yield
+
+  !> Liquid that came over in an exchange; the next one begins at its pressures. eq. D.61
+  subroutine take_yield(pore, span, inflow)
+    type(dem_pore_type), intent(inout) :: pore
+    real(wp), intent(in) :: span          !! [s]
+    real(wp), intent(inout) :: inflow(:)  !! (nodes) [m^3]
+    if (.not. pore%partner%yields) return
+    associate (s => pore%partner)
+      inflow(s%node) = span*s%expected - s%conduct*(pore%p(s%node) - s%p)
+      pore%omega(s%node) = pore%omega(s%node) + inflow(s%node)
+      s%p = pore%p(s%node)
+    end associate
+  end subroutine take_yield
 
   !> An interval of the partner begins: nothing has come yet.
   subroutine begin_interval(pore)

@@ -1,20 +1,21 @@
 !> The liquid among the grains at the port: the side of its grid that a partner has, its pressures
-!! and motion in an interval, and what it reports. eq. D.60
+!! and motion in an interval, and what it reports. eqs. D.60, D.61
 module dem_port_pore
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_port_names, only: dot_content, dot_darcy, dot_entered, dot_flow_work, dot_fluid_in, &
-    dot_force, dot_p, dot_v, dot_work, field_area, field_compressibility, field_fields, field_id, &
-    field_mobility, field_p, field_storage, field_x
+  use talus_port_names, only: dot_conductance, dot_content, dot_darcy, dot_entered, &
+    dot_flow_work, dot_fluid_in, dot_force, dot_p, dot_v, dot_work, field_area, &
+    field_compressibility, field_fields, field_id, field_mobility, field_p, field_storage, field_x
   use dem_model, only: dem_model_type
   use dem_pore_cavity, only: hydrostatic
   use dem_pore_exchange, only: end_exchange
   use dem_pore_grid, only: brick_count, brick_edges, corners_of, node_count, node_place, on_side, &
     side_share
   use dem_pore_operator, only: storage
-  use dem_pore_partner, only: axis_of, begin_interval, end_of, side_force, side_of_nodes, take_side
+  use dem_pore_partner, only: axis_of, begin_interval, end_of, side_force, side_of_nodes, &
+    take_side, yield_to
   use dem_pore_state, only: dem_pore_type, drain_none, sum_darcy, sum_flow, sum_inflow, &
     sum_partner, sum_swept
   use dem_sets, only: dem_set_type, dem_sets_type, role_pore
@@ -137,6 +138,7 @@ contains
         call request%get(set%name//dot_p, p, errors)
         if (pore%partner%held) pore%partner%p = p - rest(set%index)
       end if
+      call take_conductance(pore, set, request, errors)
       if (request%has(set%name//dot_v)) call request%get(set%name//dot_v, v, errors)
       if (.not. (all(is_finite(p)) .and. all(is_finite(v)))) &
         call errors%add('P257', "set '"//set%name//"': a pressure or a velocity is no number", &
@@ -145,6 +147,29 @@ contains
       call begin_interval(pore)
     end associate
   end subroutine take_side_motion
+
+  !> ADVANCE: by how much the side gives way, and what comes besides; without it p is held.
+  subroutine take_conductance(pore, set, request, errors)
+    type(dem_pore_type), intent(inout) :: pore
+    type(dem_set_type), intent(in) :: set
+    type(message_type), intent(inout) :: request
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(size(set%index)) :: conduct, volume
+    conduct = 0.0_wp
+    volume = 0.0_wp
+    if (request%has(set%name//dot_conductance)) &
+      call request%get(set%name//dot_conductance, conduct, errors)
+    if (request%has(set%name//dot_fluid_in)) &
+      call request%get(set%name//dot_fluid_in, volume, errors)
+    if (errors%any()) return
+    if (.not. (all(is_finite(conduct)) .and. all(is_finite(volume)) .and. &
+               minval(conduct) >= 0.0_wp .and. request%t1 > request%t0)) then
+      call errors%add('P257', "set '"//set%name//"': a conductance is negative, or it or a "// &
+                      'volume no number', 'exchange port', 'see the log of the solid')
+      return
+    end if
+    call yield_to(pore, conduct, volume/(request%t1 - request%t0))
+  end subroutine take_conductance
 
   !> Pressure of the liquid at rest at all nodes [Pa].
   function resting(model) result(p)

@@ -53,12 +53,17 @@ module dem_pore_state
   end type pore_fit_type
 
   !> A side of the grid that is a partner's: it moves as the partner says, and is impervious, or has
-  !! the partner's pressures. Nodal values are in the order of `node`, which rises.
+  !! the partner's pressures, or gives way to its own by a conductance. Nodal values are in the
+  !! order of `node`, which rises.
   type :: pore_partner_type
     integer(i4) :: side = 0                      !! x0 x1 y0 y1 z0 z1, 0: none
     logical :: held = .false.                    !! the pressures are the partner's
+    logical :: yields = .false.                  !! or liquid goes over by a conductance
     integer(i4), allocatable :: node(:)
-    real(wp), allocatable :: p(:)                !! pressure over the hydrostatic [Pa]
+    real(wp), allocatable :: p(:)                !! pressure over the hydrostatic; that of the last
+                                                 !! exchange, where liquid goes over [Pa]
+    real(wp), allocatable :: conduct(:)          !! liquid that goes over by pressure [m^3/Pa]
+    real(wp), allocatable :: expected(:)         !! and that comes without one [m^3/s]
     real(wp), allocatable :: v(:)                !! velocity along the axis [m/s]
     real(wp), allocatable :: inflow(:)           !! since the interval began [m^3]
     real(wp), allocatable :: impulse(:)          !! on the side, along its normal [N s]

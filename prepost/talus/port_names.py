@@ -6,10 +6,8 @@ Made by tools/port.py from common/port/port.toml: change that file, then `make p
 # fmt: off
 MAGIC = b"TALUSMSG"
 PROTOCOL = 2
-HEADER_WORDS = 16
-FIELD_WORDS = 10
-NAME_LENGTH = 48
-SCALAR_COUNT = 19
+HEADER_WORDS, FIELD_WORDS = 16, 10
+NAME_LENGTH, SCALAR_COUNT = 48, 19
 
 # verbs
 VERBS = {
@@ -109,6 +107,7 @@ class Field:
     BRIEF = "brief"
     CAPABILITIES = "capabilities"
     COMPRESSIBILITY = "compressibility"
+    CONDUCTANCE = "conductance"
     CONNECTIVITY = "connectivity"
     CONTENT = "content"
     COUPLE = "couple"
@@ -507,6 +506,8 @@ SET_REQUESTS = {
     "solid report": (),
     "grains pore": (
         ("p", "real", "(set)", "both", False),
+        ("conductance", "real", "(set)", "both", False),
+        ("fluid_in", "real", "(set)", "both", False),
         ("v", "real", "(3, set)", "both", False),
     ),
     "solid pore": (("fluid_in", "real", "(set)", "both", False),),

@@ -8,7 +8,8 @@ program test_dem_pore_partner
   use dem_pore_hold, only: hold_nodes
   use dem_pore_operator, only: compress
   use dem_pore_partner, only: side_of_nodes, take_side, begin_interval, add_partner, &
-    book_partner, move_partner, node_storage, over_side, side_force
+    book_partner, move_partner, node_storage, over_side, side_force, yield_to, add_yield, &
+    take_yield
   use dem_pore_state, only: dem_pore_type, by_partner, sum_partner
   implicit none
   type(test_type) :: test
@@ -24,6 +25,7 @@ program test_dem_pore_partner
   call check_squeeze()
   call check_books()
   call check_storage()
+  call check_yield()
   call test%finish()
 
 contains
@@ -166,4 +168,39 @@ contains
     call test%check('its nodes are held', all(pore%hold(nodes_on(2, 3)) == by_partner))
     call test%check_close('by its pressures', sum(pore%hold_p), 7.0_wp*12, 1.0e-12_wp)
   end subroutine check_storage
+
+  !> A side that gives way: its nodes are free, a pressure above that of the exchange before lets
+  !! liquid out, none stays uncounted; without a conductance the pressures are held again.
+  subroutine check_yield()
+    real(wp), dimension(node_count(pore%grid)) :: storage, rhs, inflow
+    real(wp) :: conduct(12), expected(12), whole
+    integer(i4) :: node(12), a
+    node = nodes_on(2, 3)
+    conduct = [(1.0e-14_wp*a, a=1, 12)]
+    expected = [(1.0e-9_wp*(a - 4), a=1, 12)]
+    call yield_to(pore, conduct, expected)
+    call hold_nodes(pore)
+    call test%check('no node is held', all(pore%hold == 0))
+    storage = 1.0e-15_wp
+    rhs = 0.0_wp
+    call add_yield(pore, 2.0_wp, storage, rhs)
+    call test%check_all_close('as a storage', storage(node) - 1.0e-15_wp, conduct, 1.0e-28_wp)
+    call test%check_all_close('from the pressure before', rhs(node), &
+                              7.0_wp*conduct + 2.0_wp*expected, 1.0e-22_wp)
+    call test%check_close('at the side alone', sum(storage), sum(conduct) + size(rhs)*1.0e-15_wp, &
+                          1.0e-27_wp)
+    pore%p = [(7.0_wp + modulo(a, 5), a=1, size(pore%p))]
+    pore%omega = 0.0_wp*pore%p
+    inflow = 0.0_wp
+    call take_yield(pore, 2.0_wp, inflow)
+    call test%check_all_close('what comes', inflow(node), &
+                              2.0_wp*expected - conduct*(pore%p(node) - 7.0_wp), 1.0e-22_wp)
+    whole = sum(pore%omega)
+    call test%check_close('is in the grid', whole, sum(inflow), 1.0e-22_wp)
+    call take_yield(pore, 0.0_wp, inflow)
+    call test%check_close('the same pressure lets none over', max_abs(inflow(node)), 0.0_wp, &
+                          1.0e-30_wp)
+    call yield_to(pore, 0.0_wp*conduct, 0.0_wp*expected)
+    call test%check('held again', all(pore%hold(node) == by_partner))
+  end subroutine check_yield
 end program test_dem_pore_partner
