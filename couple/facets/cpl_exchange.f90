@@ -154,7 +154,8 @@ contains
   pure logical function follows_drift(face)
     type(interface_type), intent(in) :: face
     real(wp), parameter :: most = 1.5_wp  !! contact stiffness over that of the springs
-    follows_drift = face%watch%contact_stiffness <= most*face%springs%stiffness .and. &
+    follows_drift = face%watch%contact_stiffness <= most*(face%springs%stiffness + &
+                                                          face%springs%liquid) .and. &
                     face%is_steady() .and. .not. face%dynamic
   end function follows_drift
 
@@ -166,8 +167,8 @@ contains
     real(wp), parameter :: share = 0.6_wp     !! of what is stable
     real(wp), parameter :: least = -0.5_wp    !! at the mean of the interval: stable for k < 3 s
     lead = 0.0_wp
-    if (.not. face%springs%stiffness > 0.0_wp) return
-    lead = max(least, share*(1.0_wp - 0.5_wp*face%watch%contact_stiffness/face%springs%stiffness))
+    if (face%springs%n == 0) return
+    lead = max(least, share*(1.0_wp - 0.5_wp*face%watch%contact_stiffness/face%springs%each(1)))
     if (face%dynamic) lead = 0.0_wp
   end function lead
 

@@ -49,6 +49,7 @@ module cpl_interface
     procedure :: orient
     procedure :: follow
     procedure :: follow_facets
+    procedure :: lift
     procedure :: lay_springs
     procedure :: lay_springs_ahead
     procedure :: mean_motion
@@ -146,6 +147,17 @@ contains
     call self%follow()
     call self%pore%follow_facets()
   end subroutine follow_facets
+
+  !> A dead load bears the weight of masses that nodes have besides their own.
+  subroutine lift(self, mass, gravity)
+    class(interface_type), intent(inout) :: self
+    real(wp), intent(in) :: mass(:)     !! of the map's nodes [kg]
+    real(wp), intent(in) :: gravity(3)  !! [m/s^2]
+    integer(i4) :: k
+    do k = 1, size(mass)
+      self%start%dead_load(:, k) = self%start%dead_load(:, k) - mass(k)*gravity
+    end do
+  end subroutine lift
 
   !> Springs are laid where the ghosts are (trial), or ahead of them by a share of the motion of
   !! the interval.

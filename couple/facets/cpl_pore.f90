@@ -5,16 +5,19 @@
 !! and their forces to the nodes of the facets, so that no liquid and no force is lost. A step of
 !! the solid does not know how much more liquid the grains would take for more pressure: an
 !! admittance on the corners stands for that; what it withholds is given back in the next interval.
-!! eqs. C.40 to C.43
+!! Or the grid does not hold the pressures but gives way to its own as the solid would, by a
+!! conductance, and springs hold the facets against the liquid. eqs. C.40 to C.46
 module cpl_pore
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_port_names, only: dot_a, dot_content, dot_darcy, dot_entered, dot_flow_work, &
-    dot_fluid_in, dot_force, dot_p, dot_u, dot_v, dot_work
+  use talus_port_names, only: dot_a, dot_conductance, dot_content, dot_darcy, dot_entered, &
+    dot_flow_work, dot_fluid_in, dot_force, dot_p, dot_u, dot_v, dot_work
   use cpl_facet_map, only: facet_map_type
   implicit none
   private
+  real(wp), parameter :: newest = 0.3_wp  !! share of the newest flow in the mean one
+
   public :: pore_link_type, pore_books_type, side_set, wet_set, hull_set, to_facets, row_of
 
   character(len=*), parameter :: side_set = 'side'   !! of the grains: nodes of the grid
@@ -39,12 +42,21 @@ module cpl_pore
     logical :: active = .false.
     logical :: permeable = .true.
     logical :: returned = .true.
+    logical :: yields = .false.              !! by a conductance of the grid's side
+    logical :: dynamic = .false.             !! the solid uses the mean of its loads at both ends
     logical :: held_start = .false.          !! the force at the start is balanced by a dead load
     type(facet_map_type) :: hull             !! grid's nodes on the facets
     type(facet_map_type) :: wet              !! grid's nodes on the facets' corners
     real(wp), allocatable :: x_ref(:, :)     !! of the grid's nodes (3, g) [m]
     real(wp), allocatable :: storage(:)      !! of the half bricks, at corners (c) [m^3/Pa]
     real(wp), allocatable :: ahead(:)        !! admittance times an interval (c) [m^3/Pa]
+    real(wp), allocatable :: area(:)         !! of the grid's nodes on the side (g) [m^2]
+    real(wp), allocatable :: conduct(:)      !! of the grid's side (g) [m^3/Pa]
+    real(wp) :: estimate = 0.0_wp            !! of it, by area [m/Pa]
+    real(wp) :: stiffness = 0.0_wp           !! of the liquid, for each ghost's spring [N/m]
+    real(wp) :: span = 0.0_wp                !! of the interval [s]
+    real(wp), allocatable :: mean_flow(:)    !! to the grains, running mean (g) [m^3/s]
+    real(wp), allocatable :: expected(:)     !! to the grains in the interval (g) [m^3/s]
     real(wp), allocatable :: u(:, :), v(:, :), v_before(:, :), w(:, :)  !! of the nodes (3, m)
     real(wp), allocatable :: u_new(:, :), v_new(:, :), w_new(:, :)      !! on trial
     real(wp), allocatable :: p(:), p_new(:)  !! at the corners, accepted and on trial [Pa]
@@ -52,6 +64,7 @@ module cpl_pore
     real(wp), allocatable :: kept(:)         !! withheld in the interval before (c) [m^3]
     real(wp), allocatable :: flow(:)         !! to the grains in the interval (g) [m^3]
     real(wp), allocatable :: force(:, :)     !! of the liquid on the side (3, g) [N]
+    real(wp), allocatable :: force_put(:, :)    !! that a dynamic solid holds at the start (3, g)
     real(wp), allocatable :: start_force(:, :)  !! at the start (3, g) [N]
     type(pore_books_type) :: books, books_new
   contains
@@ -80,9 +93,11 @@ contains
     c = merge(self%wet%nodes, 0, self%permeable)
     allocate (self%u(3, m), self%v(3, m), self%v_before(3, m), self%w(3, m), self%u_new(3, m), &
               self%v_new(3, m), self%w_new(3, m), self%force(3, g), self%start_force(3, g), &
-              source=0.0_wp)
+              self%force_put(3, g), source=0.0_wp)
     allocate (self%p(c), self%p_new(c), self%p_held(c), self%kept(c), self%flow(g), source=0.0_wp)
+    allocate (self%mean_flow(g), self%expected(g), source=0.0_wp)
     if (.not. allocated(self%storage)) allocate (self%storage(c), self%ahead(c), source=0.0_wp)
+    if (.not. allocated(self%conduct)) allocate (self%conduct(g), source=0.0_wp)
     self%active = .true.
   end subroutine init
 
@@ -133,17 +148,33 @@ contains
     self%w_new = self%u
     if (dynamic) self%w_new = self%u + h*self%v + 0.5_wp*h*(self%v - self%v_before)
     self%p_held = self%p
+    self%span = h
+    self%dynamic = dynamic
+    self%expected = self%mean_flow
   end subroutine predict
 
-  !> The side goes where the facets are on trial and holds their pressures.
+  !> The side goes where the facets are on trial and holds their pressures; or it expects what makes
+  !! the flow of the trial end at them. eq. C.44
   subroutine follow_facets(self)
     class(pore_link_type), intent(inout) :: self
     if (.not. self%active) return
     self%w_new = self%u_new
-    self%p_held = self%p_new
+    if (self%yields) then
+      self%expected = (self%flow + self%conduct*rise(self))/self%span
+    else
+      self%p_held = self%p_new
+    end if
   end subroutine follow_facets
 
-  !> ADVANCE: velocities and pressures of the side.
+  !> How the pressures of the side have risen in the trial [Pa].
+  pure function rise(self) result(p)
+    class(pore_link_type), intent(in) :: self
+    real(wp) :: p(self%hull%ghosts), side(1, self%hull%ghosts)
+    side = to_side(self%wet, row_of(self%p_new - self%p))
+    p = side(1, :)
+  end function rise
+
+  !> ADVANCE: velocities and pressures of the side, and how it gives way. eq. C.44
   subroutine put_grains(self, request, h)
     class(pore_link_type), intent(in) :: self
     type(message_type), intent(inout) :: request
@@ -154,6 +185,9 @@ contains
     if (.not. self%permeable) return
     p = to_side(self%wet, row_of(self%p_held))
     call request%put(side_set//dot_p, p(1, :))
+    if (.not. self%yields) return
+    call request%put(side_set//dot_conductance, self%conduct)
+    call request%put(side_set//dot_fluid_in, self%expected*h)
   end subroutine put_grains
 
   !> Liquid that came to the grains, and forces on the side.
@@ -190,6 +224,7 @@ contains
     if (.not. self%active) return
     call self%read_grains(reply, errors)
     if (balanced) self%start_force = self%force
+    self%force_put = self%force - self%start_force
   end subroutine start_grains
 
   !> SOLVE: forces on the facets; to the corners the liquid that came, what was withheld before, and
@@ -198,9 +233,18 @@ contains
     class(pore_link_type), intent(in) :: self
     type(message_type), intent(inout) :: request
     if (.not. self%active) return
-    call request%put(hull_set//dot_force, to_facets(self%hull, self%force - self%start_force))
+    call request%put(hull_set//dot_force, to_facets(self%hull, force_at_end(self)))
     if (self%permeable) call request%put(wet_set//dot_fluid_in, came(self) + lent(self))
   end subroutine put_solid
+
+  !> Load of the solid at the end of the interval [N]: with inertia and pressures that change within
+  !! the interval, the mean of the loads at both ends is the mean force.
+  pure function force_at_end(self) result(force)
+    class(pore_link_type), intent(in) :: self
+    real(wp) :: force(3, self%hull%ghosts)
+    force = self%force - self%start_force
+    if (self%dynamic .and. self%yields) force = 2.0_wp*force - self%force_put
+  end function force_at_end
 
   !> Liquid from the grains at the corners in the interval [m^3].
   pure function came(self) result(volume)
@@ -255,6 +299,7 @@ contains
     real(wp) :: nodal(3, self%hull%nodes)
     if (.not. self%active) return
     nodal = to_facets(self%hull, self%force)
+    self%force_put = force_at_end(self)
     associate (b => self%books_new, old => self%books)
       b%work = old%work + [b%step_work, sum(nodal*(self%u_new - self%u))]
       if (self%permeable) then
@@ -262,6 +307,7 @@ contains
         b%passed = old%passed + sum(abs(came(self)))
         b%lent = old%lent + sum(lent(self))
         self%kept = self%ahead*(self%p_new - self%p_held)
+        self%mean_flow = self%mean_flow + newest*(self%flow/self%span - self%mean_flow)
       end if
     end associate
     self%books = self%books_new

@@ -24,6 +24,7 @@ contains
     call file%put('/pore/v_before', link%v_before, errors)
     call file%put('/pore/w', link%w, errors)
     call file%put('/pore/start_force', link%start_force, errors)
+    call file%put('/pore/force_put', link%force_put, errors)
     associate (b => link%books)
       call file%put('/pore/books', [b%content, b%entered, b%flow_work, b%darcy, b%work, &
                                     b%to_solid, b%lent, b%passed], errors)
@@ -31,6 +32,9 @@ contains
     if (.not. link%permeable) return
     call file%put('/pore/storage', link%storage, errors)
     call file%put('/pore/ahead', link%ahead, errors)
+    call file%put('/pore/conduct', link%conduct, errors)
+    call file%put('/pore/stiffness', [link%stiffness], errors)
+    call file%put('/pore/mean_flow', link%mean_flow, errors)
     call file%put('/pore/p', link%p, errors)
     call file%put('/pore/kept', link%kept, errors)
   end subroutine write_pore
@@ -44,7 +48,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
+    real(wp) :: stiffness(1)
 
+    stiffness = 0.0_wp
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
     call file%get('/pore/id', ids, errors)
@@ -52,6 +58,9 @@ contains
     if (link%permeable) then
       call file%get('/pore/storage', link%storage, errors)
       call file%get('/pore/ahead', link%ahead, errors)
+      call file%get('/pore/conduct', link%conduct, errors)
+      call file%get_into('/pore/stiffness', stiffness, errors)
+      link%stiffness = stiffness(1)
     end if
     call file%close(errors)
     if (errors%any()) return
@@ -79,10 +88,12 @@ contains
     call file%get_into('/pore/v_before', link%v_before, errors)
     call file%get_into('/pore/w', link%w, errors)
     call file%get_into('/pore/start_force', link%start_force, errors)
+    call file%get_into('/pore/force_put', link%force_put, errors)
     call file%get_into('/pore/books', books, errors)
     if (link%permeable) then
       call file%get_into('/pore/p', link%p, errors)
       call file%get_into('/pore/kept', link%kept, errors)
+      call file%get_into('/pore/mean_flow', link%mean_flow, errors)
     end if
     call file%close(errors)
     associate (b => link%books)

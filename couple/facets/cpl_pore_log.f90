@@ -23,8 +23,9 @@ contains
     if (link%permeable) then
       call log%item('liquid', str(link%hull%ghosts)//' nodes of the grid on '// &
                     str(link%wet%nodes)//' corners of facets', 'storage of half bricks '// &
-                    short_number(sum(link%storage))//' m3/Pa, admittance times interval '// &
-                    short_number(sum(link%ahead))//' m3/Pa')
+                    short_number(sum(link%storage))//' m3/Pa, '//merge('conductance', &
+                    'admittance ', link%yields)//' times interval '// &
+                    short_number(sum(link%ahead) + sum(link%conduct))//' m3/Pa')
     else
       call log%item('liquid', str(link%hull%ghosts)//' nodes of the grid on impervious facets')
     end if

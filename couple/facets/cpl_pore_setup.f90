@@ -50,6 +50,7 @@ contains
       if (.not. choices%given) return
       link%permeable = choices%permeable
       link%returned = choices%returned
+      link%yields = choices%yields
       call read_mesh(solvers(side_solid), choices%facets, mesh, run%timers, errors)
       if (errors%any()) return
       if (run%again) then
@@ -188,10 +189,13 @@ contains
       call solid%reply%take(field_mobility, mobility, errors)
       call solid%reply%take(field_compressibility, soft, errors)
       if (errors%any()) return
+      link%area = pack(grid%area(side, :), grid%area(side, :) > 0.0_wp)
       nodal = to_facets(link%wet, two_rows(grid, side))
       link%storage = nodal(1, :)
       link%ahead = 0.0_wp*link%storage
       span = run%choices%exchange
+      link%estimate = sum(link%storage)/sum(link%area) + sqrt(maxval(mobility)*maxval(soft)*span)
+      if (link%yields) return  ! the solid is asked itself
       mine = [maxval(grid%mobility, mask=grid%area(side, :) > 0.0_wp), &
               maxval(grid%soft, mask=grid%area(side, :) > 0.0_wp)]
       if (choices%modulus > 0.0_wp) mine(2) = mine(2) + 1.0_wp/choices%modulus

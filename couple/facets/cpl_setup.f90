@@ -248,7 +248,7 @@ contains
     logical, intent(in) :: again  !! after a restart
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: p(face%transfer%rows, face%map%ghosts), stiffness
+    real(wp) :: p(face%transfer%rows, face%map%ghosts), stiffness, load(3, face%transfer%blocks)
     logical :: rehearsal
 
     rehearsal = choices%relaxed .and. .not. again
@@ -270,15 +270,15 @@ contains
           call face%springs%make(stiffness, face%map, face%transfer, face%place%radius)
       end if
       if (choices%dead_load) then
-        call face%transfer%to_nodes(p, face%start%dead_load)
-        face%start%dead_load = -face%start%dead_load
+        call face%transfer%to_nodes(p, load)
+        face%start%dead_load = face%start%dead_load - load
         call face%relax%hold(p)
         face%relax%begun = .true.
       end if
     end if
     if (face%springs%n > 0) &
       call set_springs(face, solvers(side_solid), solvers(side_solid)%time, timers, errors)
-    if (choices%dead_load .and. .not. errors%any()) &
+    if (any(abs(face%start%dead_load) > 0.0_wp) .and. .not. errors%any()) &
       call put_dead_load(face, solvers(side_solid), timers, errors)
     if (again .and. choices%relaxed .and. .not. errors%any()) &
       call put_reference(face, solvers(side_solid), timers, errors)

@@ -20,6 +20,7 @@ module cpl_springs
     integer(i4) :: n = 0
     integer(i4) :: turning = 0                !! of them on micro-rotations
     real(wp) :: stiffness = 0.0_wp            !! at each ghost [N/m]; 0: no springs
+    real(wp) :: liquid = 0.0_wp               !! besides, of the liquid in the pores [N/m]
     integer(i4), allocatable :: node(:, :)    !! columns of nodal values (most, n)
     real(wp), allocatable :: weight(:, :)     !! (most, n)
     real(wp), allocatable :: each(:)          !! stiffness of each (n) [N/m, N m]
@@ -52,7 +53,7 @@ contains
     allocate (self%node(most, n), self%each(n))
     allocate (self%weight(most, n), source=0.0_wp)
     do k = 1, map%ghosts
-      call put(k, map%corner(:, k), map%weight(:, k), stiffness)
+      call put(k, map%corner(:, k), map%weight(:, k), stiffness + self%liquid)
     end do
     n = map%ghosts
     do k = 1, transfer%nodes

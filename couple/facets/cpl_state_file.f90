@@ -136,7 +136,7 @@ contains
     face%ledger%solid_work = numbers(2)
     face%ledger%work_turnover = numbers(3)
     face%ledger%lost_impulse = numbers(4)
-    if (numbers(5) > 0.0_wp) &
+    if (numbers(5) + face%springs%liquid > 0.0_wp) &
       call face%springs%make(numbers(5), face%map, face%transfer, face%place%radius)
     call face%relax%resume(numbers(6), counts(5) == 1)
     face%watch%contact_stiffness = numbers(7)

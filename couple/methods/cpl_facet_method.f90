@@ -17,7 +17,9 @@ module cpl_facet_method
   use cpl_judgement, only: judge_coupling
   use cpl_logbook, only: log_row_titles
   use cpl_method, only: cpl_method_type
+  use cpl_ghost_mass, only: carry_ghosts
   use cpl_pore_file, only: read_pore_state
+  use cpl_pore_probe, only: find_conductance
   use cpl_pore_setup, only: make_pore
   use cpl_pore_log, only: log_pore, pore_columns, pore_row, pore_health, summarise_pore
   use cpl_run, only: cpl_run_type
@@ -82,6 +84,9 @@ contains
       if (run%again) call compare_maps(self%face, map_hash, run%state, errors)
       if (.not. errors%any()) call select_sets(self%face, solvers, run%timers, errors)
       if (.not. errors%any()) call make_pore(self%face%pore, run, errors)
+      self%face%springs%liquid = self%face%pore%stiffness
+      if (choices%pore%given .and. .not. errors%any()) &
+        call carry_ghosts(self%face, choices%pore%ghost_mass, run, errors)
     end associate
   end subroutine make
 
@@ -125,6 +130,7 @@ contains
                           errors)
       if (.not. errors%any()) call end_rehearsal(self%face, run%solvers, run%timers, errors)
     end if
+    if (.not. (run%again .or. errors%any())) call find_conductance(self%face, run, errors)
     if (errors%any()) return
     call log_interface(run%log, self%face, run%choices, self%identity)
     call audit_columns(columns)

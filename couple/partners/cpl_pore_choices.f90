@@ -12,8 +12,10 @@ module cpl_pore_choices
     character(len=:), allocatable :: facets  !! group of the mesh
     logical :: permeable = .true.
     logical :: returned = .true.    !! what the admittance withholds is given back
+    logical :: yields = .true.      !! the grid's side gives way by a conductance
     real(wp) :: robin = 1.0_wp      !! admittance over that of a half space [-]
     real(wp) :: modulus = 0.0_wp    !! of the grains [Pa], 0: not given
+    real(wp) :: ghost_mass = 0.5_wp !! share of theirs that a solid with inertia carries [-]
   end type pore_choices_type
 
 contains
@@ -29,16 +31,36 @@ contains
     if (.not. choices%given) return
     call deck%get('pore_interface', 1, 'facets', choices%facets)
     call deck%get('pore_interface', 1, 'permeable', choices%permeable)
+    call deck%get('pore_interface', 1, 'ghost_mass', choices%ghost_mass)
     if (choices%permeable) then
       call deck%get('pore_interface', 1, 'scheme', scheme)
-      choices%returned = scheme == 'reaction'
+      choices%returned = scheme /= 'held'
+      choices%yields = scheme == 'conductance'
       call deck%get('pore_interface', 1, 'robin', choices%robin)
       if (deck%given('pore_interface', 1, 'modulus')) &
         call deck%get('pore_interface', 1, 'modulus', choices%modulus)
     end if
     call check_kind(deck, errors)
-    if (.not. choices%permeable) call check_impervious(deck, errors)
+    if (.not. choices%permeable) then
+      call check_impervious(deck, errors)
+    else if (choices%yields) then
+      call check_held(deck, errors)
+    end if
   end subroutine read_pore
+
+  !> A conductance wants facets that springs hold, or that trials find (D455).
+  subroutine check_held(deck, errors)
+    type(deck_type), intent(in) :: deck
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: scheme, word
+    if (deck%count('facets') == 0) return
+    call deck%get('clock', 1, 'scheme', scheme)
+    call deck%get('facets', 1, 'interface', word)
+    if (scheme /= 'average' .or. word == 'springs') return
+    call deck%fault(errors, 'D455', "with interface = '"//word//"' nothing holds the facets "// &
+                    "against the liquid in an interval", 'facets', 1, 'interface', &
+                    "take 'springs', or scheme = 'iterated' in &clock, or 'reaction' here")
+  end subroutine check_held
 
   !> What means nothing where no liquid passes.
   subroutine check_impervious(deck, errors)

@@ -260,7 +260,7 @@ contains
 
   subroutine group_pore_interface(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pore_interface', 5, &
+    call table%add_group('pore_interface', 6, &
       'The liquid in the pores of grains (`&pore_grid`) and solid (`&pore`) across ' &
       //'facets that a whole side of the grains'' grid lies on. With `&facets` and ghosts:' &
       //' a contact of theirs bears effective stress, and the liquid presses the facets ' &
@@ -269,15 +269,19 @@ contains
       'Facet group of the mesh, with the side of the grid on it.')
     call table%need()
     call table%add_key('permeable', 'logical', '', &
-      'True: the pressures of the solid hold those of the grid, and what liquid comes ' &
-      //'to them goes to the solid. False: no liquid passes; the solid may be dry.')
+      'True: liquid crosses the facets by the `scheme`, with one pressure on both ' &
+      //'sides. False: no liquid passes; the solid may be dry.')
     call table%preset('.true.')
     call table%add_key('scheme', 'string', '', &
-      'What happens to the liquid that the admittance (`robin`) withholds in an ' &
-      //'interval: `''reaction''` gives it back in the next, `''held''` keeps it, as a ' &
-      //'storage at the interface that is not there; for comparison.')
-    call table%preset('reaction')
-    call table%allow('reaction|held')
+      '`''conductance''`: the grid''s side gives way to its own pressure by as much liquid' &
+      //' as the solid would take in the interval, which a trial before the first ' &
+      //'exchange finds, and springs hold the facets against the liquid. Else the grid ' &
+      //'holds the pressures of the solid, with an admittance on the solid (`robin`): ' &
+      //'`''reaction''` gives back in the next interval what it withholds, for dynamic ' &
+      //'solids with `''iterated''`; `''held''` keeps it, as a storage at the interface that ' &
+      //'is not there, for comparison.')
+    call table%preset('conductance')
+    call table%allow('conductance|reaction|held')
     call table%add_key('robin', 'real', '', &
       'Admittance of the interface over that of a half space of grains in an interval, ' &
       //'by flow and by waves, which keeps the exchange stable: 1 or more; 0 is for ' &
@@ -285,11 +289,20 @@ contains
     call table%preset('2.0')
     call table%bounds(min=0.0_wp, max=100.0_wp)
     call table%magnitude(0.0_wp, 100.0_wp)
+    call table%only_with('scheme', 'reaction|held')
     call table%add_key('modulus', 'real', 'Pa', &
       'Oedometric modulus of the grains, for that admittance, where they are softer ' &
       //'than the solid.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-15_wp, 1e+36_wp)
+    call table%only_with('scheme', 'reaction|held')
+    call table%add_key('ghost_mass', 'real', '', &
+      'Dynamic solids: share of the ghosts'' mass, with the liquid that moves with them,' &
+      //' that the nodes of the facets have besides; half of a layer on the facets is ' &
+      //'among the grains.')
+    call table%preset('0.5')
+    call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
   end subroutine group_pore_interface
 
   subroutine group_adapt(table)

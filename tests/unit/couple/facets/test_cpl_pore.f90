@@ -6,6 +6,7 @@ program test_cpl_pore
   use talus_message, only: message_type, verb_advance, verb_solve
   use talus_test, only: test_type
   use cpl_pore, only: pore_link_type, row_of, to_facets
+  use cpl_pore_probe, only: least_answer
   use cpl_pore_setup, only: admittance
   implicit none
   type(test_type) :: test
@@ -18,6 +19,7 @@ program test_cpl_pore
   call check_request()
   call check_withheld()
   call check_admittance()
+  call check_conductance()
   call test%finish()
 
 contains
@@ -125,4 +127,53 @@ contains
     y = admittance(1.0e-9_wp, 4.0e-8_wp, 1.6e3_wp, 1.0e-3_wp)
     call test%check_close('of a half space', y, 2.0e-7_wp + 5.0e-6_wp, 1.0e-19_wp)
   end subroutine check_admittance
+
+  !> A side that gives way expects the mean flow, in further trials that of the last one, and what
+  !! comes to the solid is what left the grains.
+  subroutine check_conductance()
+    type(message_type) :: request
+    type(error_list_type) :: errors
+    real(wp), dimension(12) :: conduct, expected
+    real(wp) :: volume(9), hull(3, 9)
+    integer(i4) :: k
+    link%yields = .true.
+    link%returned = .true.
+    link%ahead = 0.0_wp
+    link%kept = 0.0_wp
+    link%mean_flow = 0.0_wp
+    link%conduct = [(1.0e-15_wp*k, k=1, 12)]
+    call link%predict(2.0_wp, .false.)
+    link%flow = [(1.0e-12_wp*(k - 3), k=1, 12)]
+    call link%accept()
+    call test%check_all_close('mean flow', link%mean_flow, 0.15_wp*link%flow, 1.0e-25_wp)
+    call link%predict(4.0_wp, .false.)
+    call request%start(verb_advance, 1_i8, 0.0_wp, 4.0_wp)
+    call link%put_grains(request, 4.0_wp)
+    call request%get('side.conductance', conduct, errors)
+    call request%get('side.fluid_in', expected, errors)
+    call test%check_all_close('conductance', conduct, link%conduct, 0.0_wp)
+    call test%check_all_close('of a longer interval', expected, 0.6_wp*link%flow, 1.0e-25_wp)
+    link%p_new = link%p + 8.0_wp
+    call link%follow_facets()
+    call test%check_all_close('in the next trial', link%expected, 0.25_wp*(link%flow &
+                              + 8.0_wp*link%conduct), 1.0e-25_wp)
+    call test%check_all_close('from the accepted pressure', link%p_held, link%p, 0.0_wp)
+    call request%start(verb_solve, 1_i8, 0.0_wp, 4.0_wp)
+    call link%put_solid(request)
+    call request%get('wet.fluid_in', volume, errors)
+    call test%check_close('all of it', sum(volume), -sum(link%flow), 1.0e-25_wp)
+    link%force = 3.0_wp
+    link%force_put = 2.0_wp
+    link%start_force = 0.5_wp
+    call link%predict(4.0_wp, .true.)
+    call request%start(verb_solve, 1_i8, 0.0_wp, 4.0_wp)
+    call link%put_solid(request)
+    call request%get('hull.force', hull, errors)
+    call test%check_close('a load whose mean with the one before is the mean force', &
+                          sum(hull)/36.0_wp, 2.0_wp*2.5_wp - 2.0_wp, 1.0e-13_wp)
+    call test%check('no fault', .not. errors%any())
+    call test%check_close('least answer', least_answer([6.0_wp, 6.0_wp, 6.0_wp], &
+                          [0.0_wp, 3.0_wp, 1.5_wp]), 2.0_wp, 1.0e-15_wp)
+    call test%check_close('no answer', least_answer([1.0_wp], [-1.0_wp]), 0.0_wp, 1.0e-15_wp)
+  end subroutine check_conductance
 end program test_cpl_pore
