@@ -6,6 +6,7 @@ import h5py
 import numpy as np
 from coupled import write_box, write_deck
 from interface_growth import judge_growth
+from interface_swing import judge_swing
 
 from talus.mesh import read_mesh
 from talus.packing import make_packing, write_h5
@@ -28,6 +29,9 @@ OPEN = "&pore_pressure group = 'z1', value = 0.0 /"
 #: Statics want a body that is held: 1e-6 of the column's stiffness, which bears 1e-6 of the load.
 FAINT = "&spring group = 'z1', normal = 1.0e3 /"
 HELD = "&support group = 'z0', fix = 'x', 'y', 'z' /"
+OLD_CURVE = "&curve    id = 'ramp', times = 0.0, 5.0e-4, values = 0.0, 1.0 /"
+#: Of the pulse: layers, elements [m], length and exchange [s], overlap of the lattice over D.
+LAYERS, ELEMENT, PULSE, STEP_PULSE, PRELOAD = 200, 5.0e-3, 2.0e-4, 12 * STEP, 1.0e-4
 
 
 def series(depth: np.ndarray, factor: float) -> np.ndarray:
@@ -85,7 +89,7 @@ def pressures(case: Case, name: str, step: int) -> tuple[np.ndarray, np.ndarray,
     return np.append(z, height), np.append(fields.solid["pore_pressure"], p), fields.time
 
 
-def judge_column(case: Case, name: str, grains_below: bool, ax: object) -> None:
+def judge_column(case: Case, name: str, grains_below: bool, ax: object = None) -> None:
     """Judge pressures, settlement, continuity and mass of a column that was run."""
     gamma = LOW if grains_below else HIGH
     grains = field_steps(case.folder / f"grains_{name}.h5")
@@ -100,12 +104,15 @@ def judge_column(case: Case, name: str, grains_below: bool, ax: object) -> None:
         top, sunk = sinking(case, name, grains_below, step, grains)
         off = abs(sunk - settlement(factor, top)) / settlement(1e3, HEIGHT)
         case.below(f"{name}, T = {factor:.2g}: settlement, error / the final one", off, 0.01, "P16")
-        ax.plot(1e-3 * p, 1e3 * (HEIGHT - z), ".", ms=4)
-        depth = np.linspace(0.0, HEIGHT, 101)
-        ax.plot(1e-3 * series(depth, factor), 1e3 * depth, "k-", lw=0.8)
+        if ax is not None:
+            ax.plot(1e-3 * p, 1e3 * (HEIGHT - z), ".", ms=4)
+            depth = np.linspace(0.0, HEIGHT, 101)
+            ax.plot(1e-3 * series(depth, factor), 1e3 * depth, "k-", lw=0.8)
     rows = read_history(case.folder / f"coupled_{name}_pore.csv")
     off = float(rows["balance"][-1])
     case.below(f"{name}: liquid that came from nowhere / that went over", off, 1e-12, "P16")
+    if ax is None:
+        return
     ax.axhline(1e3 * (HEIGHT - gamma), color="0.7", lw=0.8)
     ax.set(title="grains below" if grains_below else "grains above", xlabel="pressure [kPa]")
 
@@ -187,19 +194,75 @@ def judge_bits(case: Case) -> None:
     case.above("pressure at the facets by then [Pa]", float(p[-1]), 0.5 * LOAD, "it is loaded")
 
 
+def prepare_pulse(case: Case) -> float:
+    """Write grains and elements of 200 mm each, with a pulse on top; return its end [s]."""
+    close = D * (1.0 - PRELOAD)
+    gamma = close * (LAYERS - 0.5)
+    lattice(case.folder / "pack_pulse.h5", close * (np.arange(LAYERS) + 0.5), -1)
+    write_box(case.folder / "mesh_pulse.h5", [0, 0, gamma], [3 * D, 3 * D, gamma + 0.2],
+              (1, 1, round(0.2 / ELEMENT)))  # fmt: skip
+    end = STEP_PULSE * round(1.6e-3 / STEP_PULSE)
+    times = np.linspace(0.0, PULSE, 41)
+    wave = np.sin(np.pi * times / PULSE) ** 2
+    curve = (f"&curve id = 'ramp', times = {', '.join(f'{t:.8g}' for t in times)},\n"
+             f"  values = {', '.join(f'{x:.8g}' for x in wave)} /")  # fmt: skip
+    common = {"permeability": 1.0e-15, "output": STEP_PULSE}
+    write_deck(case, "grains_pulse.nml", "grains.nml", pack="pack_pulse.h5", lower=0.0,
+               upper=repr(gamma), bricks=40, every=4, end=FLOOR, **common)  # fmt: skip
+    write_deck(case, "solid_pulse.nml", "solid.nml", mesh="mesh_pulse.h5", element="hex8_bbar",
+               end=LOADED.replace("1.0e4", "1.0e3"), **common)  # fmt: skip
+    write_deck(case, "coupled_pulse.nml", "coupled.nml", grains="grains_pulse.nml",
+               solid="solid_pulse.nml", facets="z0", t_end=repr(end), exchange=STEP_PULSE,
+               scheme="iterated", threads=1)  # fmt: skip
+    change(case.folder / "coupled_pulse.nml", ("interface = 'springs', stiffness = 1.5e5",
+           "interface = 'aitken'"))  # fmt: skip
+    change(case.folder / "grains_pulse.nml", ("damping = 1000.0", "damping = 0.0"),
+           ("2.2e9", "2.2e7"))  # fmt: skip
+    change(case.folder / "solid_pulse.nml", ("2.2e9", "2.2e7"), ("'static'", "'newmark'"),
+           (OLD_CURVE, curve))  # fmt: skip
+    return gamma
+
+
+def judge_pulse(case: Case) -> None:
+    """Judge what comes back of an undrained pulse where elements meet grains."""
+    gamma = prepare_pulse(case)
+    case.run("talus-couple", "coupled_pulse.nml")
+    z = read_mesh(case.folder / "mesh_pulse.h5").x[:, 2]
+    middle = np.abs(z - gamma - 0.1) < 1e-6
+    steps = field_steps(case.folder / "solid_pulse.h5")
+    p = np.array([s.solid["pore_pressure"][middle].mean() for s in steps])
+    time = np.array([s.time for s in steps])
+    speed = np.sqrt((MODULUS + 2.2e7 / POROSITY) / (1387.0 + 1000.0 * POROSITY))
+    split = 0.2 / speed + 0.5 * PULSE
+    frequency = np.fft.rfftfreq(4096, time[2] - time[1])
+    inward, back = (np.abs(np.fft.rfft(np.where(part, p, 0.0), 4096))
+                    for part in (time < split, time >= split))  # fmt: skip
+    size = 2.0 * np.pi * frequency * ELEMENT / (2.0 * speed)
+    share = back / inward
+    for limit in (0.06, 0.1, 0.2, 0.3):
+        within = (size > 0.02) & (size <= limit)
+        case.below(f"pulse: reflection up to n w = {limit}", float(share[within].max()), 0.02)
+    case.above("pulse: its pressure on the way [Pa]", float(p.max()), 200.0, "it came by")
+
+
 def run(case: Case) -> None:
-    """Judge both columns, the bits and the growth of the exchange."""
+    """Judge both columns, the bits, the growth of the exchange, and a pulse."""
     fig, axes = case.figure(ncols=2, figsize=(8.0, 4.0), sharey=True)
     prepare(case, "below", True, T_END)
     case.run("talus-couple", "coupled_below.nml")
     judge_column(case, "below", True, axes[0])
-    prepare(case, "above", False, 100 * EXCHANGE, scheme="iterated")
+    prepare(case, "above", False, T_END)
     case.run("talus-couple", "coupled_above.nml")
     judge_column(case, "above", False, axes[1])
+    prepare(case, "early", False, 100 * EXCHANGE, scheme="iterated")
+    case.run("talus-couple", "coupled_early.nml")
+    judge_column(case, "early", False)
     axes[0].set(ylabel="depth [mm]")
     axes[0].invert_yaxis()
     judge_sealed(case)
     judge_rest(case)
     judge_bits(case)
     judge_growth(case)
+    judge_swing(case)
     case.save(fig)
+    judge_pulse(case)
