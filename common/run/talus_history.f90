@@ -20,6 +20,7 @@ module talus_history
   type :: history_type
     character(len=:), allocatable :: path
     integer(i4) :: columns = 0                  !! including the time
+    logical :: fresh = .false.                  !! begun with no row of an earlier run
     integer(i4), private :: descriptor = -1
     integer(i4), private :: used = 0            !! bytes waiting in buffer
     logical, private :: failed = .false.        !! a write has failed: no more are tried
@@ -119,6 +120,7 @@ contains
     self%used = 0
     self%failed = .false.
     self%tainted = .false.
+    self%fresh = .not. append
     self%title = columns
     if (.not. allocated(self%buffer)) allocate (character(len=buffer_room) :: self%buffer)
     call open_append(path, .not. append, self%descriptor, errors)

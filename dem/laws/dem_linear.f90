@@ -17,7 +17,6 @@ contains
     base%forces => spring_forces
     base%constants => constants
     base%impact => impact
-    base%keys(:2) = ['normal_stiffness    ', 'tangential_stiffness']
     base%hertz = .false.
     base%oscillator = 1.0_wp
   end function linear

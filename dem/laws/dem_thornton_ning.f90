@@ -33,7 +33,6 @@ contains
   pure function thornton_ning() result(base)
     type(base_law_type) :: base
     base%name = 'thornton_ning'
-    base%keys(1) = 'yield_pressure'
     base%constants => constants
     base%forces => forces
     base%energy => energy

@@ -63,6 +63,7 @@ contains
       call self%log%warn(self%warnings(k)%s)
     end do
     call log_row_titles(self%log)
+    if (self%start_time >= 0.0_wp .and. .not. errors%any()) call write_first_row(self, errors)
     if (self%start_time >= 0.0_wp .or. errors%any()) return
     call write_histories(self, 0.0_wp, errors)
     call self%fields%write(0.0_wp, self%system, errors)
@@ -102,6 +103,16 @@ contains
       if (len(note) > 0) call append_string(self%warnings, note)
     end if
   end subroutine open_files
+
+  !> Where a run of another deck begins is a row of its histories: strains count from there.
+  subroutine write_first_row(self, errors)
+    class(dem_written_run_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (.not. (self%new_deck .and. self%histories%energy%fresh)) return
+    if (self%needs_whole()) call self%system%gather()
+    if (self%surcharge%active) call see_grains(self%system)
+    call write_histories(self, self%start_time, errors)
+  end subroutine write_first_row
 
   !> Rows of all histories at time t.
   subroutine write_histories(self, t, errors)

@@ -235,23 +235,23 @@ contains
     character(len=*), intent(in) :: path
     real(wp), intent(in) :: every(event_count)
     type(error_list_type), intent(inout) :: errors
-    logical :: deck_changed
 
     call read_checkpoint(self%checkpoint, path, self%system, self%clock, self%histories, &
-                         deck_changed, errors)
+                         self%new_deck, errors)
     if (errors%any()) return
     call self%histories%find_driven(self%system)
     self%restart_path = path
     self%start_time = self%clock%time()
     self%start_steps = self%clock%steps
     call self%clock%set_events(every)
-    if (deck_changed) call self%system%follow_laws()
-    if (deck_changed) call self%flow%update(self%system%dem_data_type, self%clock%time())
-    if (deck_changed .and. .not. self%servo%active()) &
+    if (self%new_deck) call self%system%follow_laws()
+    if (self%new_deck) call self%flow%update(self%system%dem_data_type, self%clock%time())
+    if (self%new_deck .and. .not. self%servo%active()) &
       self%system%planes%velocity = self%servo%wall_velocity
-    if (deck_changed) call self%drive%follow(self%system%dem_data_type, self%clock%time())
-    if (deck_changed) call append_string(self%warnings, 'the deck is not the one that wrote '// &
-      path//'; grains, driven motion and places of walls go on as in the checkpoint')
+    if (self%new_deck) call self%drive%follow(self%system%dem_data_type, self%clock%time())
+    if (self%new_deck) call append_string(self%warnings, 'another deck wrote '//path// &
+      ': grains, contacts, driven motion and places of walls are those of the checkpoint, all '// &
+      'else is that of this deck; right if one run is meant to follow another')
     if (self%clock%automatic .or. abs(self%choices%dt - self%clock%dt) <= 0.0_wp) return
     call self%clock%start_at(self%clock%time(), self%choices%dt)
     call self%use_step(self%choices%dt)

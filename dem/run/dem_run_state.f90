@@ -70,6 +70,7 @@ module dem_run_state
     character(len=:), allocatable :: restart_path  !! checkpoint restarted from, '' for none
     type(string_type), allocatable :: warnings(:)  !! for the log, once it is open
     real(wp) :: start_time = -1.0_wp               !! of the checkpoint [s], < 0: a fresh run
+    logical :: new_deck = .false.                  !! another one than wrote the checkpoint
     integer(i8) :: start_steps = 0                 !! steps taken before
     integer(i8) :: row_step = -1                   !! step of the last log row
     logical :: served = .false.                    !! a partner drives this run

@@ -30,7 +30,6 @@ module dem_law_state
   integer(i4), parameter :: column_plastic = 5    !! dissipated by plastic deformation of contacts
 
   integer(i4), parameter :: most_own = 4   !! constants of a law's own
-  integer(i4), parameter :: most_keys = 4  !! deck keys of a law's own
   integer(i4), parameter :: longest_key = 24
 
   !> Elastic constants and density of a material.
@@ -64,7 +63,6 @@ module dem_law_state
     procedure(energy_routine), pointer, nopass :: energy => null()      !! stored, of a block
     procedure(response_routine), pointer, nopass :: response => null()  !! stiffness and force
     procedure(impact_routine), pointer, nopass :: impact => null()      !! predicted stiffness
-    character(len=longest_key) :: keys(most_keys) = ''  !! of &contact, needed by this law alone
     character(len=12) :: memory = ''         !! name in checkpoints of what its contacts keep
     integer(i4) :: reals = 0                 !! of it, 0 without contact
     logical :: hertz = .true.                !! normal force of Hertz: elliptic areas, DMT, JKR

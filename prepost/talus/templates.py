@@ -1,7 +1,9 @@
 """Decks from templates: a folder of the package a kind, with its questions in template.toml.
 
 template.toml holds `title`; `[key.NAME]` with text, default, unit and bounds (`ask`: asked on a
-terminal); `[small]`, values of a run of seconds; `[derived]`, expressions over the keys, in order;
+terminal; `follows`: an expression that stands for the default where other keys are not theirs);
+`[small]`, values of a run of seconds; `[first]` and `[derived]`, expressions over the keys, in
+order, the former before those that follow;
 `prepare`, commands of `talus` that write packings and meshes; `decks`, those that are run, in
 order, as `name.nml` or `name.nml --restart=...`; `look`, commands of `talus` for afterwards. Words
 in braces are replaced in all files.
@@ -85,8 +87,8 @@ def number_of(name: str, key: dict, text: str) -> float | int:
 
 
 def settings(template: Template, given: list[str], small: bool) -> dict[str, float]:
-    """Return the values of all keys: those given as `key=value`, else the defaults."""
-    values = {name: key["default"] for name, key in template.keys.items()}
+    """Return the values of keys: those given as `key=value`, else defaults that follow no other."""
+    values = {n: key["default"] for n, key in template.keys.items() if "follows" not in key}
     if small:
         values |= template.table["small"]
     for item in given:
@@ -100,6 +102,20 @@ def settings(template: Template, given: list[str], small: bool) -> dict[str, flo
     return values
 
 
+def complete(template: Template, values: dict[str, float]) -> dict[str, float]:
+    """Return the values with those that follow from others where they were not given."""
+    place = f"{template.name}/template.toml"
+    numbers = dict(values)
+    for name, text in template.table.get("first", {}).items():
+        check_expression(text, list(numbers), place)
+        numbers[name] = evaluate(text, numbers)
+    for name, key in template.keys.items():
+        if name not in numbers:
+            check_expression(key["follows"], list(numbers), place)
+            numbers[name] = evaluate(key["follows"], numbers)
+    return numbers
+
+
 def shown(value: float) -> str:
     """Return a number as a deck has it."""
     return repr(value) if isinstance(value, int) else repr(float(f"{value:.{DIGITS}g}"))
@@ -107,9 +123,9 @@ def shown(value: float) -> str:
 
 def words_of(template: Template, values: dict[str, float]) -> dict[str, str]:
     """Return the words of the files: keys and what is derived from them."""
-    numbers = dict(values)
+    numbers = complete(template, values)
+    place = f"{template.name}/template.toml"
     for name, text in template.table.get("derived", {}).items():
-        place = f"{template.name}/template.toml"
         check_expression(text, list(numbers), place)
         value = evaluate(text, numbers)
         numbers[name] = int(value) if WHOLE.fullmatch(text) else value

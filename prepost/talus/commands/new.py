@@ -42,8 +42,7 @@ def work(options: argparse.Namespace) -> int:
     template = templates.load(options.kind)
     values = templates.settings(template, options.set, options.small)
     if options.keys:
-        words = {name: templates.shown(value) for name, value in values.items()}
-        print(templates.table_of(template, words))
+        print(templates.table_of(template, templates.words_of(template, values)))
         return 0
     folder = options.output or Path(template.name)
     if sys.stdin.isatty() and sys.stdout.isatty():
