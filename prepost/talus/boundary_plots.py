@@ -1,4 +1,4 @@
-"""Figure of boundaries: force, moment and work of walls or surfaces over time."""
+"""Figures of boundaries: loads and work of walls or surfaces, reactions of a solid, over time."""
 
 from pathlib import Path
 
@@ -9,6 +9,8 @@ from talus.faults import FaultError
 from talus.look import COLOURS, new_figure
 
 KINDS = {"_walls": "wall", "_surfaces": "surface"}  # ending of the file: column of the number
+REACTIONS = "_reactions"
+STYLES = {"x": ":", "y": "--", "z": "-"}  # of the components
 MOST = 8  # boundaries with a line of their own in the legend
 
 
@@ -50,4 +52,23 @@ def figure(path: Path) -> object:
         ax.set(xlabel="time [s]", ylabel=label)
     axes[0].legend(fontsize=7)
     fig.suptitle(f"Boundaries, {path.stem.removesuffix(ending)}")
+    return fig
+
+
+def reactions(path: Path) -> object:
+    """Draw the forces [N] on the supported and moved groups of a solid over time."""
+    rows = histories.read(path)
+    names = [name for name in rows.of_unit("N") if np.any(rows[name])]
+    if not path.stem.endswith(REACTIONS) or not rows["time"].size or not names:
+        hint = "a file *_reactions.csv of a run of talus-fem, with supports or motions that bear"
+        raise FaultError("E545", f"{path} has no reactions", hint)
+    fig, ax = new_figure()
+    groups = list(dict.fromkeys(name.rpartition(" ")[0] for name in names))
+    for name in names:
+        group, _, axis = name.rpartition(" ")
+        colour = COLOURS[groups.index(group) % len(COLOURS)]
+        ax.plot(rows["time"], rows[name], STYLES[axis], color=colour, lw=1.1, label=name)
+    ax.set(xlabel="time [s]", ylabel="force on the group [N]")
+    ax.legend(fontsize=7)
+    ax.set_title(f"Reactions, {path.stem.removesuffix(REACTIONS)}", fontsize=10)
     return fig

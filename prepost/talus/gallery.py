@@ -44,6 +44,7 @@ def exhibits(folder: Path) -> list[Exhibit]:
     add(f"*{specimens.CELL_ENDING}.csv", specimen_of, "_specimen", specimens.CELL_ENDING)
     add("*_probe.json", measure_plots.probe)
     add("*_surfaces.csv", boundary_plots.figure)
+    add("*_reactions.csv", boundary_plots.reactions)
     add("*_conversions.csv", flow_plots.conversions)
     add("*_window.csv", flow_plots.window)
     add("*_sources.csv", flow_plots.through)

@@ -16,6 +16,7 @@ FLOOR_HEIGHT = -25.0e-3
 GRAIN_AXES = (2.5e-3, 2.0e-3, 1.5e-3)
 TOOL_AXES = (6.0e-3, 6.0e-3, 20.0e-3)
 LARGEST = 5_000_000  # grains that a lattice may have
+ROOM = 0.25  # of the volume: bounding spheres of a random cloud that find room
 FINE = 400  # steps between two sieves where sizes are tabled
 GRID = {"small": 7, "medium": 9, "large": 11, "wide": 22}
 THIRD = 1.0 / 3.0
@@ -193,6 +194,14 @@ def check_gradation(packing: Packing, openings: np.ndarray, passing: np.ndarray)
     return float(np.abs(passing_of(packing, openings) - passing).max())
 
 
+def roomy(box: np.ndarray, radius: np.ndarray) -> str:
+    """Return the hint of a box of the same shape [m] that bounding spheres of these radii fit."""
+    need = 4.0 / 3.0 * np.pi * float((radius**3).sum()) / ROOM
+    edges = box * max((need / float(box.prod())) ** (1.0 / 3.0), 1.0)
+    words = " ".join(f"{edge:.3g}" for edge in edges)
+    return f"enlarge the box, --box {words} has room for all, or ask for fewer grains"
+
+
 def cloud(
     sizes: np.ndarray, box: np.ndarray, axes: np.ndarray, seed: int, tries: int = 2000,
     watch: object = iter, periodic: bool = False, forms: Forms | None = None,
@@ -231,7 +240,7 @@ def cloud(
                 break
         else:
             text = f"only {k} of {len(scale)} grains found room"
-            raise FaultError("E512", text, "enlarge the box or ask for fewer grains")
+            raise FaultError("E512", text, roomy(box, radius))
     order = np.lexsort((x // (2.0 * radius[0])).astype(int).T)
     own = axes[None, :] if forms is None else forms.axes[chosen[order]]
     packing = make_packing(x[order], scale[order, None] * own, random_quaternions(rng, len(scale)))

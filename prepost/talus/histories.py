@@ -8,6 +8,8 @@ import numpy as np
 
 from talus.faults import FaultError
 
+LABEL = "test"  # title of a first column of words
+
 
 @dataclass
 class History:
@@ -30,8 +32,18 @@ class History:
         return [name for name, own in self.units.items() if own == unit]
 
 
+def without_labels(rows: list[list[str]]) -> list[list[str]]:
+    """Return the rows without a first column of words, as in the curves of element tests."""
+    if rows and rows[0][:1] == [LABEL]:
+        return [row[1:] for row in rows]
+    return rows
+
+
 def read(path: Path) -> History:
-    """Read a history; a row that a stopped program left unfinished is skipped."""
+    """Read a history, or a table of `talus plot specimen --csv` with one test.
+
+    A row that a stopped program left unfinished is skipped.
+    """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file))
@@ -39,6 +51,7 @@ def read(path: Path) -> History:
         raise FaultError("E545", f"cannot read {path}: {fault.strerror}") from fault
     except (UnicodeDecodeError, csv.Error) as fault:
         raise FaultError("E545", f"{path} is no history: {fault}") from fault
+    rows = without_labels(rows)
     if not rows or not rows[0] or "[" not in rows[0][0]:
         raise FaultError("E545", f"{path} is no history", "its first line must be: time [s], ...")
     titles = [title.strip() for title in rows[0]]

@@ -1,7 +1,13 @@
 """The traffic light of a run: green, amber or red, why in a sentence, and what to do."""
 
 import html
+from pathlib import Path
 from typing import NamedTuple
+
+import numpy as np
+
+from talus import histories
+from talus.faults import FaultError
 
 GREEN, AMBER, RED = "green", "amber", "red"
 ORDER = (GREEN, AMBER, RED)
@@ -12,10 +18,26 @@ CURES = (
     ("energy error", "Take a smaller dt or dt_factor; see in the ledger which term runs away."),
     ("largest overlap", "Take stiffer grains, or a slower start: they are pressed too deep."),
     ("late rebuilds", "Take a smaller dt: grains moved past the reach of the contact list."),
-    ("stability limit", "Take a smaller dt: it was above the stability limit."),
+    (
+        "stability limit",
+        "Take a smaller dt, or leave it out: dt_factor = 0.3 of the stability limit, "
+        "found anew during the run, is the default.",
+    ),
     ("works of both sides", "Take a shorter &clock exchange, or scheme = 'iterated'."),
     ("displacement gradient", "Check loads, young and units, or take a law of finite strain."),
 )
+# of the energy error of a partner of talus-couple: its dt is the same as alone
+PARTNER = (
+    "First take a shorter &clock exchange, or scheme = 'iterated': in a coupled run the energy of "
+    "a partner goes wrong mostly at the interface; then a smaller dt."
+)
+TRUST = "N001"  # a figure is red, all results are written
+OVERLAP = "largest overlap"
+APART = (
+    "Bodies overlap where the run begins: move them apart (a surface or a block above the highest "
+    "point of the bed, see talus measure)."
+)
+PRESSED = 0.9  # of the largest overlap: the time at which it was reached
 
 
 class Light(NamedTuple):
@@ -26,15 +48,35 @@ class Light(NamedTuple):
     cure: list[str]
 
 
-def light_of(facts: dict) -> Light:
-    """Return the light of a summary: its verdict of health, its faults and its end together."""
+def pressed_when(path: Path) -> tuple[str, str] | None:
+    """Return when overlaps of a *_energy.csv grew deep, and what helps then; None: unknown."""
+    try:
+        rows = histories.read(path)
+        time, overlap = rows["time"], rows["max_overlap"]
+    except FaultError:
+        return None
+    if not time.size or not overlap[-1] > 0.0:
+        return None
+    k = int(np.argmax(overlap >= PRESSED * overlap[-1]))
+    if k < 2:
+        return "from the start", APART
+    return f"by {time[k]:.4g} s", ""
+
+
+def light_of(facts: dict, partner: bool = False, deep: tuple[str, str] | None = None) -> Light:
+    """Return the light of a summary: its verdict of health, its faults and its end together.
+
+    `partner`: talus-couple drove it; `deep`: see pressed_when.
+    """
     health = facts.get("health")
     health = health if isinstance(health, dict) else {}
     verdict = health.get("verdict")
     colour = verdict if verdict in ORDER else (AMBER if "verdict" in health else GREEN)
     notes = [note.strip() for note in str(health.get("notes") or "").split(";") if note.strip()]
+    if deep:
+        notes = [f"{note}, reached {deep[0]}" if OVERLAP in note else note for note in notes]
     why = [sentence(note) for note in notes]
-    cure = [text for words, text in CURES if any(words in note for note in notes)]
+    cure = [text for words, text in cures_of(partner, deep) if any(words in n for n in notes)]
     for fault in facts.get("errors", []):
         why.append(f"{fault.get('code')}: {fault.get('message')} ({fault.get('place')})")
         cure += [str(fault["hint"])] if fault.get("hint") else []
@@ -47,9 +89,20 @@ def light_of(facts: dict) -> Light:
         end = ENDS.get(code, "unknown end") if isinstance(code, int) else "unknown end"
         early = code == 3
         colour = AMBER if early and colour != RED else RED
-        why.insert(0, f"It did not finish: {end} (exit code {code}).")
+        late = any(fault.get("code") == TRUST for fault in facts.get("errors", []))
+        state = "It came to its end, but its results are not to be trusted" if late else (
+            f"It did not finish: {end}")  # fmt: skip
+        why.insert(0, f"{state} (exit code {code}).")
         cure += ["Go on from its checkpoint with --restart=auto."] if early else []
     return Light(colour, why, list(dict.fromkeys(cure)))
+
+
+def cures_of(partner: bool, deep: tuple[str, str] | None) -> list[tuple[str, str]]:
+    """Return the cures by words of a note, those that this run knows better in their place."""
+    better = {"energy error": PARTNER} if partner else {}
+    if deep and deep[1]:
+        better[OVERLAP] = deep[1]
+    return [(words, better.get(words, text)) for words, text in CURES]
 
 
 def sentence(note: str) -> str:

@@ -201,6 +201,15 @@ def short_axis_fabric(packing: Packing, rows: np.ndarray | None = None) -> np.nd
     return short.T @ short / max(1, len(chosen))
 
 
+def tops(packing: Packing) -> np.ndarray:
+    """Heights of the highest points of all grains (n) [m]; of other shapes a bound from above."""
+    reach = extents(packing)[:, 2]
+    other = formed(packing.skew, packing.exponent)
+    shapes = Forms(packing.axes, packing.skew, packing.exponent)
+    reach[other] = bounding_radii(shapes.take(other))
+    return packing.x[:, 2] + reach
+
+
 def bed_height(packing: Packing, part: float = 0.98) -> float:
     """Height of the surface: the part `part` of the free grains has its top below it [m]."""
     z = (packing.x[:, 2] + extents(packing)[:, 2])[packing.kind == FREE]
@@ -286,6 +295,7 @@ def describe(
     facts |= {f"solid fraction, layer {k + 1}": float(f) for k, f in enumerate(fractions)}
     facts["coordination"] = float(coordination(packing)[bulk].mean())
     facts["bed height [m]"] = bed_height(packing)
+    facts["highest point [m]"] = float(tops(packing)[free].max())
     facts["short axes, zz"] = float(fabric[2, 2])
     facts["short axes, xx"] = float(fabric[0, 0])
     if force is not None:

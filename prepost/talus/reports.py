@@ -38,6 +38,8 @@ MAIN_ROWS = (
     "grain_steps_per_s",
 )
 
+COUPLE, GRAINS = "talus-couple", "talus-dem"
+
 
 @dataclass
 class Run:
@@ -88,11 +90,18 @@ def runs_of(folder: Path) -> list[Run]:
     """Return the programs of a folder that have a summary, in the order of their names."""
     if not folder.is_dir():
         raise FaultError("E553", f"no such folder: {folder}")
+    ending = "_summary.json"
+    pages = {path.name.removesuffix(ending): read_summary(path)
+             for path in sorted(folder.glob(f"*{ending}"))}  # fmt: skip
+    coupled = [f for f in pages.values() if f.get("program") == COUPLE]
+    grains = next((n for n, f in pages.items() if f.get("program") == GRAINS and coupled), None)
     found = []
-    for path in sorted(folder.glob("*_summary.json")):
-        facts = read_summary(path)
-        name = path.name.removesuffix("_summary.json")
-        found.append(Run(name, facts, lights.light_of(facts)))
+    for name, facts in pages.items():
+        ends = {f.get("time_s") for f in coupled if f is not facts}
+        partner = facts.get("program") != COUPLE and facts.get("time_s") in ends
+        source = grains if facts.get("program") == COUPLE else name
+        deep = lights.pressed_when(folder / f"{source}_energy.csv")
+        found.append(Run(name, facts, lights.light_of(facts, partner, deep)))
     return found
 
 

@@ -17,6 +17,8 @@ from talus.look import COLOURS, new_figure
 
 KILO, PER_CENT = 1.0e3, 100.0
 WINDOW = 0.01  # axial strain over which a peak is averaged
+LATE = 0.2  # last part of the axial strain
+SHORT = 0.02  # axial strain below which no angle is said
 ENDING, CELL_ENDING, POINT_ENDING = "_walls", "_cell", "_point"
 SQUARE = 1.0e-6  # of an edge, by which it may lean in a test along the axes
 TABLE = (
@@ -179,6 +181,18 @@ def peak_angle(test: Specimen) -> tuple[float, float]:
         if np.isfinite(mean) and not mean <= best:
             best, where = mean, start + WINDOW / 2.0
     return best, float(where)
+
+
+def angles(test: Specimen) -> str:
+    """Return a line with the peak of the friction angle and its mean late in the test [deg]."""
+    peak, strain = peak_angle(test)
+    end = float(test.axial_strain.max())
+    late = mean_over(test, test.friction_angle, (1.0 - LATE) * end, end)
+    if not np.isfinite(peak) or end < SHORT:
+        return f"too short for a friction angle: {PER_CENT * end:.2g} % of axial strain"
+    where = f"mean over 1 % about {PER_CENT * strain:.2g} % of axial strain"
+    return (f"friction angle {peak:.1f} deg at its peak ({where}), {late:.1f} deg in the last "
+            "fifth of the test")  # fmt: skip
 
 
 def widen(ax: object, least: float) -> None:

@@ -1,12 +1,13 @@
 """Packings: counts and places of the benchmark's containers, editing, the two file forms."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from talus import generate
+from talus import generate, measure
 from talus.cli import main
 from talus.faults import FaultError
 from talus.packing import (
@@ -91,6 +92,31 @@ def test_keep_box(tmp_path: Path) -> None:
     assert part.id.tolist() == whole.id[inside].tolist()
     assert np.isin(part.groups["container"], part.id).all()
     assert len(part.groups["container"]) == (part.kind == FIXED).sum() > 0
+
+
+def test_level(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """Free grains that reach above a height go, fixed ones stay; a tilted axis counts."""
+    turned = np.array([np.cos(np.pi / 4), np.sin(np.pi / 4), 0.0, 0.0])  # b upright
+    x = np.array([[0.0, 0.0, 1.0], [5.0, 0.0, 1.0], [9.0, 0.0, 1.0]])
+    bed = make_packing(x, np.tile([1.0, 3.0, 0.5], (3, 1)))
+    bed.quat[1] = turned
+    bed.kind[2], bed.x[2, 2] = FIXED, 8.0
+    start, cut = tmp_path / "start.h5", tmp_path / "cut.h5"
+    write_h5(start, bed)
+    assert measure.tops(bed) == pytest.approx([1.5, 4.0, 8.5])
+    assert main(["pack", "edit", str(start), "--level", "3.9", "-o", str(cut)]) == 0
+    assert read_h5(cut).id.tolist() == [1, 3]
+
+
+@pytest.mark.parametrize("periodic", [[], ["--periodic"]])
+def test_room(periodic: list, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """A cloud without room is told a box that has it."""
+    words = ["pack", "cloud", "--count", "300", "--axes", "1.4e-3", "1e-3", "7e-4",
+             "--spread", "0.3", "-o", str(tmp_path / "cloud.h5"), *periodic]  # fmt: skip
+    assert main([*words, "--box", "0.014", "0.014", "0.018"]) == 1
+    said = capsys.readouterr().err
+    box = re.search(r"--box (\S+ \S+ \S+) has room", said)[1].split()
+    assert main([*words, "--box", *box]) == 0
 
 
 def test_base_of_fixed_grains(tmp_path: Path) -> None:

@@ -33,6 +33,8 @@ def write_run(folder: Path, kinetic: float = 1.0, **changes: object) -> Path:
          "smaller dt"),
         ({"health": {"verdict": "red", "notes": NOTE.replace("amber", "red")},
           "exit_code": 2, "errors": [FAULT]}, "red", "N001: it flew", "talus explain N001"),
+        ({"exit_code": 2, "errors": [FAULT]}, "red", "It came to its end", "a smaller dt"),
+        ({"exit_code": 2, "errors": [FAULT | {"code": "N202"}]}, "red", "It did not finish", ""),
         ({"exit_code": 3}, "amber", "stopped early", "--restart=auto"),
         ({"exit_code": 5}, "red", "bug", ""),
         ({"exit_code": None}, "red", "unknown end", ""),
@@ -43,6 +45,33 @@ def test_lights(changes: dict, colour: str, why: str, cure: str) -> None:
     light = lights.light_of(GOOD | changes)
     assert light.colour == colour
     assert why in " ".join(light.why) and cure in " ".join(light.cure)
+
+
+DEEP = "health amber: the largest overlap over the least semi-axis 0.16, limit 0.1"
+
+
+@pytest.mark.parametrize(
+    "overlaps, when, cure",
+    [([0.16, 0.16, 0.16, 0.16], "reached from the start", "move them apart"),
+     ([0.0, 0.01, 0.03, 0.16], "reached by 0.3 s", "stiffer grains")],
+)  # fmt: skip
+def test_deep_when(overlaps: list, when: str, cure: str, tmp_path: Path) -> None:
+    """A deep overlap from the start is one of geometry, a later one of loads."""
+    run = write_run(tmp_path / "a", health={"verdict": "amber", "notes": DEEP})
+    rows = "".join(f"0.{k},{value}\n" for k, value in enumerate(overlaps))
+    (run / "run_energy.csv").write_text(f"time [s],max_overlap [-]\n{rows}")
+    light = reports.runs_of(run)[0].light
+    assert when in " ".join(light.why) and cure in " ".join(light.cure)
+
+
+def test_partner(tmp_path: Path) -> None:
+    """The energy of a partner is first a matter of the exchange, that of a run alone of its dt."""
+    run = write_run(tmp_path / "a", time_s=0.2, health={"verdict": "red", "notes": NOTE})
+    assert "exchange" not in " ".join(reports.runs_of(run)[0].light.cure)
+    pair = GOOD | {"program": "talus-couple", "time_s": 0.2}
+    (run / "coupled_summary.json").write_text(json.dumps(pair))
+    coupled, grains = reports.runs_of(run)
+    assert "exchange" in " ".join(grains.light.cure) and not coupled.light.cure
 
 
 def test_notes_of_the_programs_have_cures() -> None:

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from talus import gallery, reports, specimens
+from talus import boundary_plots, gallery, histories, reports, specimens
 from talus.cli import main
 from talus.faults import FaultError
 
@@ -71,6 +71,32 @@ def test_angles(tmp_path: Path) -> None:
     assert strain == pytest.approx(0.5, abs=0.006)
     assert specimens.mean_over(test, test.lateral, 0.2, 0.4) == pytest.approx(100.0)
     assert np.isnan(specimens.mean_over(test, test.lateral, 0.8, 1.2))
+
+
+def test_angles_in_words(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The figure says the angles; its table is read as a history."""
+    write_walls(tmp_path / "run_walls.csv")
+    table = tmp_path / "curves.csv"
+    words = ["specimen", str(tmp_path / "run_walls.csv"), "-o", str(tmp_path / "a.png")]
+    assert main(["plot", *words, "--csv", str(table)]) == 0
+    # 100 Pa on all sides in the last fifth, but for the foot of the hump
+    assert "friction angle 30.0 deg at its peak" in (said := capsys.readouterr().out)
+    assert "0.1 deg in the last fifth" in said
+    rows = histories.read(table)
+    assert rows["axial_strain"] == pytest.approx(TIMES, abs=1e-8)
+    assert rows["friction_angle"][50] == pytest.approx(30.0)
+
+
+def test_reactions(tmp_path: Path) -> None:
+    """Reactions are drawn, those that are zero left out; nothing to draw is a fault."""
+    path = tmp_path / "solid_reactions.csv"
+    path.write_text("time [s],foot x [N],foot z [N]\n0,0,0\n1,0,5\n")
+    (axis,) = boundary_plots.reactions(path).axes
+    assert [line.get_label() for line in axis.lines] == ["foot z"]
+    assert axis.lines[0].get_ydata().tolist() == [0.0, 5.0]
+    path.write_text("time [s],foot x [N]\n0,0\n")
+    with pytest.raises(FaultError, match="no reactions"):
+        boundary_plots.reactions(path)
 
 
 def test_no_box(tmp_path: Path) -> None:

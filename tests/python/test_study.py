@@ -216,6 +216,16 @@ def test_a_study_runs(tmp_path: Path, capsys: pytest.CaptureFixture):
     assert "3 of 3 points are done, 0 of them failed" in capsys.readouterr().out
 
 
+def test_a_curve_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture):
+    """The table is there, and the hint says how to go on without a run."""
+    path = write(tmp_path, SQUARE + '[[curve]]\nname = "c"\nfile = "run.csv"\nx="time"\ny="z"\n')
+    assert main(["study", str(path)]) == 1
+    said = capsys.readouterr().err
+    assert "E590" in said and "results.csv is written" in said and "--collect" in said
+    path.write_text(path.read_text().replace('y="z"', 'y="y"'))
+    assert main(["study", str(path), "--collect"]) == 0
+
+
 def test_keys_of_decks(tmp_path: Path):
     """Values reach the decks of the points; the base stays as it was."""
     more = 'deck = "grains.nml"\nkey = "material[quartz].young"\n[[result]]'

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from talus import generate
+from talus import generate, measure
 from talus.arguments import counting, natural, number, positive
 from talus.column_stamp import is_column
 from talus.commands import pack_column, pack_tile
@@ -72,6 +72,10 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument(
         "--keep-box", type=number, nargs=6, metavar="L",
         help="keep grains whose centre lies in the box: lower x y z, upper x y z [m]",
+    )  # fmt: skip
+    new.add_argument(
+        "--level", type=number, metavar="Z",
+        help="drop the free grains that reach above z [m]: an even surface to put a body on",
     )  # fmt: skip
     new.add_argument("--tool", action="store_true", help="add the penetrator")
     axes_option(new, "--tool-axes", "its semi-axes [m]", default=generate.TOOL_AXES)
@@ -145,6 +149,8 @@ def edit(options: argparse.Namespace) -> int:
     if options.keep_box is not None:
         lower, upper = np.reshape(options.keep_box, (2, 3))
         keep &= np.all((packing.x >= lower) & (packing.x <= upper), axis=1)
+    if options.level is not None:
+        keep &= (packing.kind != FREE) | (measure.tops(packing) <= options.level)
     if not keep.any():
         raise FaultError("E511", f"{options.source}: no grain is left", "check the limits given")
     packing = packing.take(keep)

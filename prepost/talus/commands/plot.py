@@ -18,11 +18,12 @@ from talus import (
 from talus.faults import FaultError
 
 KINDS = ("force", "ghosts", "audit", "energy", "measure", "rose", "slice", "specimen", "cell",
-         "probe", "boundary", "profile", "flow", "window", "conversions",
+         "probe", "boundary", "reactions", "profile", "flow", "window", "conversions",
          "grading")  # fmt: skip
 OF_ONE = {
     "measure": measure_plots.history, "cell": cell_plots.figure, "probe": measure_plots.probe,
-    "boundary": boundary_plots.figure, "grading": grading_plots.figure,
+    "boundary": boundary_plots.figure, "reactions": boundary_plots.reactions,
+    "grading": grading_plots.figure,
     "flow": flow_plots.through, "window": flow_plots.window,
     "conversions": flow_plots.conversions, "audit": plots.audit, "energy": plots.energy,
 }  # fmt: skip
@@ -116,6 +117,8 @@ def plot_specimens(options: argparse.Namespace) -> int:
     """Element tests, one or several in one figure."""
     files = labelled(options.files, *specimens.READERS)
     tests = {k: specimens.read_test(path, options.axial) for k, path in files.items()}
+    for label, test in tests.items():
+        print(f"{label}: {specimens.angles(test)}")
     if options.csv:
         specimens.write_table(options.csv, tests)
         print(options.csv)

@@ -93,7 +93,9 @@ def finish(study: Study, store: Store) -> tuple[Table, list[Path]]:
     try:
         made = draw(study, store, table, facts)
     except FaultError as fault:
-        raise FaultError(fault.code, fault.message, fault.hint, str(study.path)) from fault
+        again = f"{names[0]} is written; with the file mended: talus study {study.path} --collect"
+        hint = f"{fault.hint}; {again}" if fault.hint else again
+        raise FaultError(fault.code, fault.message, hint, str(study.path)) from fault
     title = html.escape(study.title)
     parts = sections(study, table, facts)
     parts += ["<h2>Figures</h2>", *(picture(path.read_bytes(), path.name) for path in made)]
