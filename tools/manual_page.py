@@ -40,7 +40,7 @@ PARTS = {
     ],
     "Evidence": ["verification", "validation", "speed"],
     "Extend": ["extending", "port", "own-solver", "fenicsx", "scikit-fem", "lammps"],
-    "Releases": ["release-next", "release-0.2.0"],
+    "Releases": ["newcomers", "release-next", "release-0.2.0"],
 }
 REST = "Examples"
 STYLE = """
