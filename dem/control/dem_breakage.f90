@@ -12,7 +12,9 @@ module dem_breakage
   use talus_history, only: history_type
   use talus_log, only: log_type, short_number
   use talus_system, only: memory_free
+  use dem_breakage_choice, only: choose_grains
   use dem_breakage_group, only: breakage_type, read_breakage, check_foreseen, diameter_of
+  use dem_breakage_growth, only: plan_growth, growth_due, grown_diameter
   use dem_breakage_masses, only: mass_scaled, check_masses, weigh_fragments, counted_mass
   use dem_breakage_pieces, only: put_pieces, balance_of
   use dem_entry, only: size_batch, make_batch, check_ids
@@ -20,8 +22,8 @@ module dem_breakage
   use dem_grain_stress, only: grain_stress_type, find_stresses, spare_safe, criterion_hertz
   use dem_packing, only: dem_packing_type
   use dem_shape_make, only: admit_shapes
-  use dem_state, only: dem_data_type, dem_grains_type, crushed_size, kind_free, kind_ghost, lanes, &
-    history_side
+  use dem_state, only: dem_data_type, dem_grains_type, crushed_size, grown_size, kind_free, &
+    kind_ghost
   use dem_system, only: dem_system_type
   implicit none
   private
@@ -31,6 +33,7 @@ module dem_breakage
   ! origin [N m s] of fines, surface created [m^2], fragments
   integer(i4), parameter :: sum_broken = 1, sum_fines(2) = [2, 8], sum_surface = 9, &
     sum_fragments = 10
+  real(wp), parameter :: most_jump = 0.2_wp  !! part of a growth in one look, without W310
   integer(i4), parameter :: bytes_a_grain = 8000  !! while lists are made anew
   character(len=26), parameter :: columns(13) = [character(len=26) :: 'time [s]', 'broken [-]', &
     'fragments [-]', 'fines_mass [kg]', 'momentum_x [N s]', 'momentum_y [N s]', &
@@ -58,6 +61,7 @@ module dem_breakage
     real(wp), private :: ratio_above = 0.0_wp          !! and its stress over its strength [-]
     type(history_type) :: history, events
     logical :: warned = .false.  !! of grains that told_above tells of
+    real(wp), private :: jump = 0.0_wp  !! greatest part of its growth that a grain made at once [-]
   contains
     procedure :: read => read_groups
     procedure :: active
@@ -73,8 +77,8 @@ module dem_breakage
     procedure :: flush => flush_histories
     procedure :: close => close_histories
     procedure, private :: renew_limits
-    procedure, private :: choose
     procedure, private :: break_grains
+    procedure, private :: grow
     procedure, private :: book
     procedure, private :: most
   end type dem_breakage_type
@@ -113,12 +117,18 @@ contains
     do k = 1, size(self%item)
       system%materials(self%item(k)%material)%fragments_scaled = self%item(k)%mass == mass_scaled
     end do
-    call check_run(deck, errors)
+    call check_run(deck, served, errors)
+    do k = 1, size(self%item)
+      if (served .and. self%item(k)%regrow > 0.0_wp) call deck%fault(errors, 'D375', &
+        'fragments do not grow under a partner', 'breakage', k, 'regrow', &
+        'leave it out; a partner counts on the sizes of grains between its exchanges')
+    end do
     if (.not. served) call system%be_open()
     if (any(self%item%family == family_halves)) &
       call admit_shapes(system%grains, system%materials, errors)
     allocate (system%crushed(crushed_size), source=0.0_wp)
     allocate (system%lineage(3, 0), system%fines(2, 0))
+    if (any(self%item%regrow > 0.0_wp)) allocate (system%growing(grown_size, 0))
   end subroutine read_groups
 
   !> Contact pressures want Hertz's law (D359).
@@ -137,18 +147,26 @@ contains
                     'criterion', "take 'nominal' or 'octahedral', or law = 'hertz_mindlin'")
   end subroutine check_laws
 
-  !> What counts on the grains of the start does not go with breakage (D357).
-  subroutine check_run(deck, errors)
+  !> What numbers its grains by those of the start, or has a partner to share them with, does not go
+  !! with breakage (D357).
+  subroutine check_run(deck, served, errors)
     type(deck_type), intent(in) :: deck
+    logical, intent(in) :: served  !! a partner drives the run
     type(error_list_type), intent(inout) :: errors
-    character(len=*), parameter :: hint = 'leave one of the two out, or run in two stages: '// &
-      'crush, then go on from the packing'
-    character(len=9), parameter :: groups(5) = [character(len=9) :: 'surcharge', 'bond', 'probe', &
-      'window', 'tile']
+    character(len=9), parameter :: groups(4) = [character(len=9) :: 'window', 'tile', 'surcharge', &
+      'bond']
     integer(i4) :: k
-    do k = 1, size(groups)
-      if (deck%count(trim(groups(k))) > 0) call deck%fault(errors, 'D357', '&'//trim(groups(k))// &
-        ' counts on the grains of the start', 'breakage', 1, '', hint)
+    do k = 1, merge(4, 2, served)
+      if (deck%count(trim(groups(k))) == 0) cycle
+      if (k <= 2) then
+        call deck%fault(errors, 'D357', '&'//trim(groups(k))//' numbers its copies by the '// &
+          'grains of the tile: their ids would meet those of fragments', 'breakage', 1, '', &
+          'leave one of the two out, or run in two stages: crush, then go on from the packing')
+      else
+        call deck%fault(errors, 'D357', '&'//trim(groups(k))//' under a partner counts on the '// &
+          'grains of the start', 'breakage', 1, '', 'leave one of the two out: a partner takes '// &
+          'what loads and binds grains as it was when the run began')
+      end if
     end do
   end subroutine check_run
 
@@ -198,10 +216,31 @@ contains
     end do
     call find_stresses(system%dem_data_type, criterion, self%found)
     if (present(partner)) call note_above(self, system%dem_data_type, partner%held)
-    call self%choose(system%dem_data_type, order)
+    call choose_grains(system%dem_data_type, self%found%stress, self%limit, order)
     changed = size(order) > 0
     if (changed) call self%break_grains(system, order, time, errors)
+    if (errors%any() .or. .not. allocated(system%growing)) return
+    if (size(system%growing, 2) > 0) call self%grow(system, time, changed)
   end subroutine look
+
+  !> Fragments that grow have the size that is due.
+  subroutine grow(self, system, time, changed)
+    class(dem_breakage_type), intent(inout) :: self
+    type(dem_system_type), intent(inout) :: system
+    real(wp), intent(in) :: time  !! [s]
+    logical, intent(inout) :: changed
+    real(wp) :: span(size(self%group)), factor(system%grains%n), jump
+    integer(i4) :: k
+    span = 0.0_wp
+    do k = 1, size(self%item)
+      span(self%item(k)%material) = self%item(k)%regrow
+    end do
+    call growth_due(system%dem_data_type, time, span, factor, jump)
+    self%jump = max(self%jump, jump)
+    if (.not. jump > 0.0_wp) return
+    call system%resize(factor)
+    changed = .true.
+  end subroutine grow
 
   !> Grains of a partner that are above their strength are counted; they stay.
   subroutine note_above(self, d, held)
@@ -256,7 +295,7 @@ contains
         if (self%known(j) == d%grains%id(i)) limit(i) = self%limit(j)
       end if
       if (limit(i) < huge(1.0_wp)) cycle
-      size_of = diameter_of(d, i)
+      size_of = grown_diameter(d, i)
       if (size_of > self%item(k)%smallest) &
         limit(i) = self%item(k)%strength_of(d%grains%id(i), size_of)
     end do
@@ -268,81 +307,6 @@ contains
     end do
     call spare_safe(self%found, d, criterion, self%limit)
   end subroutine renew_limits
-
-  !> Grains that break in this look, in the order of stress over strength, then of ids; one that
-  !! touches another that breaks waits.
-  subroutine choose(self, d, order)
-    class(dem_breakage_type), intent(in) :: self
-    type(dem_data_type), intent(in) :: d
-    integer(i4), allocatable, intent(out) :: order(:)
-    integer(i4), allocatable :: some(:), start(:), partner(:)
-    logical :: breaks(d%grains%n)
-    integer(i4) :: i, k
-
-    some = pack([(i, i=1, d%grains%n)], self%found%stress > self%limit)
-    if (size(some) == 0) then
-      order = some
-      return
-    end if
-    call sort_by_ratio(self%found%stress/self%limit, some)
-    breaks = .false.
-    breaks(some) = .true.
-    call find_partners(d, breaks, start, partner)
-    breaks = .false.
-    do k = 1, size(some)
-      i = some(k)
-      breaks(i) = .not. any(breaks(partner(start(i):start(i + 1) - 1)))
-    end do
-    order = pack(some, breaks(some))
-  end subroutine choose
-
-  !> Grains by falling ratio; equal ones stay in their order.
-  pure subroutine sort_by_ratio(ratio, some)
-    real(wp), intent(in) :: ratio(:)
-    integer(i4), intent(inout) :: some(:)
-    integer(i4) :: k, j, this
-    do k = 2, size(some)
-      this = some(k)
-      j = k - 1
-      do while (j > 0)
-        if (ratio(some(j)) >= ratio(this)) exit
-        some(j + 1) = some(j)
-        j = j - 1
-      end do
-      some(j + 1) = this
-    end do
-  end subroutine sort_by_ratio
-
-  !> Marked grains that touch each other: those of grain i from start(i) to start(i + 1) - 1.
-  pure subroutine find_partners(d, marked, start, partner)
-    type(dem_data_type), intent(in) :: d
-    logical, intent(in) :: marked(:)
-    integer(i4), allocatable, intent(out) :: start(:), partner(:)
-    integer(i4) :: round, k, lane, i, j, next(size(marked))
-
-    allocate (start(size(marked) + 1), source=0_i4)
-    do round = 1, 2
-      next = start(:size(marked))
-      do k = 1, d%pairs%grain_blocks
-        if (.not. d%pairs%touched(k)) cycle
-        do lane = 1, lanes
-          if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
-          i = d%pairs%grain(d%pairs%first(lane, k))
-          j = d%pairs%grain(d%pairs%second(lane, k))
-          if (.not. (marked(i) .and. marked(j))) cycle
-          if (round == 2) partner([next(i), next(j)]) = [j, i]
-          next(i) = next(i) + 1
-          next(j) = next(j) + 1
-        end do
-      end do
-      if (round == 2) return
-      start(1) = 1
-      do k = 1, size(marked)
-        start(k + 1) = start(k) + next(k)
-      end do
-      allocate (partner(start(size(start)) - 1), source=0_i4)
-    end do
-  end subroutine find_partners
 
   !> They leave, their fragments enter; sums and rows of the events follow.
   subroutine break_grains(self, system, order, time, errors)
@@ -385,15 +349,25 @@ contains
     call make_batch(batch, material, system, entering, errors)
     if (errors%any()) return
     do i = 1, system%grains%n
-      if (leaving(i)) call weigh_fragments(system%dem_data_type, i, &
-        self%item(self%group(system%grains%material(i)))%mass, findloc(parent, i, 1), &
-        findloc(parent, i, 1, back=.true.), entering)
+      if (leaving(i)) call weigh(i, findloc(parent, i, 1), findloc(parent, i, 1, back=.true.))
     end do
     do k = 1, size(order)
       call write_event(self, system%dem_data_type, order(k), time, errors)
     end do
     call self%book(system%dem_data_type, leaving, parent, entering)
     call system%replace(leaving, entering)
+
+  contains
+
+    !> Masses of the fragments first to last of a grain.
+    subroutine weigh(i, first, last)
+      integer(i4), intent(in) :: i, first, last
+      associate (group => self%item(self%group(system%grains%material(i))))
+        if (group%regrow > 0.0_wp) &
+          call plan_growth(system%dem_data_type, i, first, last, time, entering)
+        call weigh_fragments(system%dem_data_type, i, group%mass, first, last, entering)
+      end associate
+    end subroutine weigh
   end subroutine break_grains
 
   !> How many grains there may be: as the deck says, or as fit into the memory that is free.
@@ -520,6 +494,9 @@ contains
     end associate
     call log%line(text)
     if (self%above > 0) call log%warn(self%told_above())
+    if (self%jump > most_jump) call log%warn('W310'//': a fragment made '// &
+      short_number(self%jump)//' of its growth in one look: its contacts jump; give a longer '// &
+      '&breakage regrow, or a smaller check_every')
   end subroutine log_totals
 
   !> <stem>_breakage.csv, one row a time; <stem>_broken.csv, one row a broken grain.

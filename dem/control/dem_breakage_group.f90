@@ -8,6 +8,7 @@ module dem_breakage_group
   use talus_deck, only: deck_type
   use talus_log, only: short_number
   use talus_random, only: unit_number
+  use dem_breakage_growth, only: growth_factor
   use dem_breakage_masses, only: mass_names, mass_solid, mass_parent, density_factor
   use dem_fragments, only: family_names, family_count, family_radii, family_fourteen, &
     family_halves, split_axis
@@ -38,6 +39,7 @@ module dem_breakage_group
     integer(i4) :: family = 0              !! of dem_fragments
     integer(i4) :: mass = mass_solid       !! of dem_breakage_masses
     integer(i4) :: every = 20              !! steps between two looks
+    real(wp) :: regrow = 0.0_wp            !! time in which fragments grow [s]; 0: they do not
     integer(i4) :: most_grains = 0         !! in the run; 0: as fit into memory
     integer(i4) :: generations = 0         !! that there may be
     real(wp) :: least = 0.0_wp             !! diameter that there may be [m]
@@ -73,6 +75,7 @@ contains
     call deck%get('breakage', k, 'most_grains', group%most_grains)
     call deck%get('breakage', k, 'seed', seed)
     call deck%get('breakage', k, 'check_every', group%every)
+    call deck%get('breakage', k, 'regrow', group%regrow)
     group%seed = seed
     call deck%get('breakage', k, 'criterion', word)
     group%criterion = findloc([(criterion_names(j) == word, j=1, size(criterion_names))], .true., 1)
@@ -217,6 +220,10 @@ contains
     least = diameter_of(d, i)
     step = 1.0_wp
     kept = sum(each*ratio**3)
+    if (group%regrow > 0.0_wp .and. kept > 0.0_wp) then  ! grown ones set the step, eq. D.70
+      ratio = ratio*growth_factor(1.0_wp, each*ratio**3)
+      kept = 1.0_wp
+    end if
     do a = 0, most_steps - 1
       do b = 0, most_steps - 1
         if (.not. number(a, b) > 0.0_wp) cycle
@@ -270,6 +277,7 @@ contains
       trim(family_names(self%family))//"'"
     if (self%criterion == criterion_hertz) text = text//' (the force at the strength goes with '// &
       '1/E*^2: softened grains want another strength)'
+    if (self%regrow > 0.0_wp) text = text//', fragments grow in '//short_number(self%regrow)//' s'
     if (.not. self%grains > 0.0_wp) return
     text = text//', '//str(self%generations)// &
       trim(merge(' generation ', ' generations', self%generations == 1))//' at most: '// &

@@ -5,6 +5,7 @@ module dem_breakage_masses
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use dem_breakage_growth, only: left_to_grow
   use dem_state, only: dem_data_type, dem_grains_type, mode_relaxation
   implicit none
   private
@@ -61,7 +62,7 @@ contains
       else
         do k = first, last
           factor(k) = g%mass(i)/solid_mass(d, g, i)*density_factor(choice, 1.0_wp, &
-            (product(entering%axes(:, k))/product(g%axes(:, i)))**third)
+            (solid_mass(d, entering, k)/solid_mass(d, g, i))**third)
         end do
       end if
       do k = first, last
@@ -84,13 +85,14 @@ contains
     if (d%materials(g%material(i))%fragments_scaled) mass = solid_mass(d, g, i)
   end function counted_mass
 
-  !> Mass of the solid of a grain [kg].
+  !> Mass of the solid of a grain, of one that grows at its end [kg].
   pure real(wp) function solid_mass(d, g, i) result(mass)
     type(dem_data_type), intent(in) :: d
     type(dem_grains_type), intent(in) :: g  !! those of d, or some that enter
     integer(i4), intent(in) :: i
     real(wp), parameter :: pi = acos(-1.0_wp)
     mass = d%materials(g%material(i))%density*4.0_wp/3.0_wp*pi*product(g%axes(:, i))
+    if (allocated(d%growing)) mass = mass*left_to_grow(d, g%id(i))**3
   end function solid_mass
 
   !> The same of all grains [kg].

@@ -17,7 +17,7 @@ module dem_pairs
   use dem_prescribed, only: put_body
   implicit none
   private
-  public :: build_pairs, update_bodies, allocate_bodies
+  public :: build_pairs, update_bodies, allocate_bodies, effective_root
 
   integer(i4), parameter :: many_results = 2**18  !! reals, 2 MB: more do not stay in the cache
 

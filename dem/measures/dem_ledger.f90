@@ -165,7 +165,7 @@ contains
   pure real(wp) function closure_of(ledger) result(error)
     type(dem_ledger_type), intent(in) :: ledger
     error = ledger%start + ledger%boundary + ledger%external + ledger%gravity + ledger%curvature &
-            + ledger%entered - ledger%left - content(ledger) - ledger%friction &
+            + ledger%entered - ledger%left + ledger%growth - content(ledger) - ledger%friction &
             - ledger%contact_damping - ledger%background_damping - ledger%tangential_relaxation &
             - ledger%rolling - ledger%breakage - ledger%plastic - ledger%released - ledger%fines &
             + liquid_closure(ledger)
@@ -186,6 +186,6 @@ contains
                 + abs(ledger%external) + abs(ledger%gravity) + abs(ledger%entered) &
                 + abs(ledger%left), ledger%friction + ledger%contact_damping &
                 + ledger%background_damping + ledger%rolling + ledger%plastic &
-                + ledger%released + ledger%fines)
+                + ledger%released + ledger%fines, abs(ledger%growth))
   end function turnover_of
 end module dem_ledger

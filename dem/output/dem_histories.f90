@@ -37,6 +37,7 @@ module dem_histories
     logical :: plastic = .false.              !! a law or model books plastic work
     logical :: open_system = .false.          !! grains enter and leave
     logical :: crushed = .false.              !! grains break
+    logical :: growing = .false.              !! and their fragments grow
     logical :: wet = .false.                  !! there is a liquid among the grains
     integer(i4), allocatable :: index(:)      !! driven grains
     real(wp), allocatable :: driven_work(:)   !! of intervals that are over [J]
@@ -62,6 +63,7 @@ contains
     self%free = allocated(system%surfaces%rigid%free)
     self%open_system = system%open
     self%crushed = allocated(system%crushed)
+    self%growing = allocated(system%growing)
     self%wet = system%pore%active
     self%plastic = any(system%laws%base%plastic)
     do k = 1, system%pairs%additional%models
@@ -95,6 +97,7 @@ contains
       [character(len=26) :: energy_columns, pack(['plastic [J]'], self%plastic), &
        pack(['entered [J]', 'left [J]   '], self%open_system), &
        pack(['released [J]', 'fines [J]   '], self%crushed), &
+       pack(['growth [J]'], self%growing), &
        pack(liquid_columns, self%wet)], time, errors)
     if (size(self%index) > 0) &
       call self%driven%begin(stem//'_driven.csv', driven_columns, time, errors)
@@ -128,6 +131,7 @@ contains
                               pack([l%plastic], self%plastic), &
                               pack([l%entered, l%left], self%open_system), &
                               pack([l%released, l%fines], self%crushed), &
+                              pack([l%growth], self%growing), &
                               pack([l%liquid, l%darcy, l%liquid_drag, l%liquid_flow, &
                                     l%liquid_exchange], self%wet)], errors)
     end associate

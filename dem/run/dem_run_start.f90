@@ -218,6 +218,8 @@ contains
     logical :: changed
     call self%breakage%look(self%system, self%clock%steps, self%clock%time(), changed, errors)
     if (errors%any() .or. .not. changed) return
+    if (self%surcharge%active) call renew_surcharge(self%surcharge, self%system, self%clock, &
+                                                    .false., errors)
     call follow_grains(self)
   end subroutine break_grains
 

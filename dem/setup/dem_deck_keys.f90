@@ -1726,14 +1726,16 @@ contains
 
   subroutine group_breakage(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('breakage', 13, &
+    call table%add_group('breakage', 14, &
       'Grains of a material break where their stress exceeds their strength: fragments ' &
       //'lie inside the grain and do not overlap, the rest is fines, which leave the run.' &
       //' Strengths and fragments follow from the ids of grains alone. What has broken is' &
       //' written to `<deck>_breakage.csv`, each broken grain to `<deck>_broken.csv`; ' &
-      //'`released` and `fines` are columns of the ledger. Not with `&surcharge`, ' &
-      //'`&bond`, `&probe`, `&window` or `&tile` (D357). Under a partner they break as an' &
-      //' exchange is accepted; what the partner counts on stays whole (W433).', repeats=.true.)
+      //'`released` and `fines` are columns of the ledger. Bonds of a broken grain break ' &
+      //'with it; a `&surcharge` is shared anew at once. Not with `&window` or `&tile`, ' &
+      //'and not with `&surcharge` or `&bond` under a partner (D357). Under a partner ' &
+      //'they break as an exchange is accepted; what the partner counts on stays whole ' &
+      //'(W433).', repeats=.true.)
     call table%add_key('material', 'string', '', &
       'Material whose free grains break; fixed and driven ones never do.')
     call table%need()
@@ -1809,6 +1811,14 @@ contains
       //'is that of the grain; fines and gradings count the mass of the solid.')
     call table%preset('solid')
     call table%allow('solid|parent|scaled')
+    call table%add_key('regrow', 'real', 's', &
+      'Time in which fragments grow until together they have the volume of their grain;' &
+      //' they have the mass of that size from birth, so that no fines leave. The work of' &
+      //' the growth is `growth` in the ledger. 0: they keep the size that fits into the ' &
+      //'grain. Not under a partner (D375).')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000.0_wp)
   end subroutine group_breakage_2
 
   subroutine group_grading(table)

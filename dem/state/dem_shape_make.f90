@@ -4,7 +4,7 @@ module dem_shape_make
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
-  use dem_shape, only: shape_of, turned, least_exponent, most_exponent
+  use dem_shape, only: shape_of, turned, at_centre, least_exponent, most_exponent
   use dem_shape_mass, only: shape_mass_type, mass_of_shape
   use dem_shape_state, only: allocate_shapes, shape_kind, shape_ellipsoid
   use dem_make, only: sorted_order
@@ -12,7 +12,7 @@ module dem_shape_make
   use dem_state, only: dem_grains_type, dem_material_type
   implicit none
   private
-  public :: make_shapes, admit_shapes, octant_frames, most_slender
+  public :: make_shapes, admit_shapes, scale_grain, octant_frames, most_slender
 
   real(wp), parameter :: most_skew = 0.8_wp    !! one half-axis nine times the other
   real(wp), parameter :: most_slender = 50.0_wp  !! greatest over least semi-axis
@@ -92,6 +92,25 @@ contains
                               quaternion_product(g%quat(:, i), f%frame(:, i)))
     end associate
   end subroutine make_shape
+
+  !> Another size of grain i, whose mass and moments of inertia stay; its centre of mass, too.
+  pure subroutine scale_grain(g, i, factor)
+    type(dem_grains_type), intent(inout) :: g
+    integer(i4), intent(in) :: i
+    real(wp), intent(in) :: factor  !! on all lengths [-]
+    real(wp) :: centre(3)
+    g%axes(:, i) = factor*g%axes(:, i)
+    g%radius(i) = factor*g%radius(i)
+    if (.not. g%shapes%in_use) return
+    associate (f => g%shapes)
+      f%axes(:, i) = factor*f%axes(:, i)
+      f%reach(i) = factor*f%reach(i)
+      centre = factor*f%record(at_centre:at_centre + 2, i)
+      f%record(:, i) = turned(shape_of(f%axes(:, i)*(1.0_wp + f%skew(:, i)), &
+                                       f%axes(:, i)*(1.0_wp - f%skew(:, i)), centre, &
+                                       f%exponent(i)), f%record(1:4, i))
+    end associate
+  end subroutine scale_grain
 
   subroutine check_shapes(grains, id, skew, exponent, errors)
     type(dem_grains_type), intent(in) :: grains

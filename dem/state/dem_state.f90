@@ -19,7 +19,7 @@ module dem_state
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
   public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
-  public :: graded_size
+  public :: graded_size, grown_size
   public :: entries_ahead, history_side, history_root, history_point
 
   integer(i4), parameter :: kind_free = 0    !! moved by the forces on it
@@ -40,6 +40,7 @@ module dem_state
   integer(i4), parameter :: drained_size = 6         !! see dem_sinks
   integer(i4), parameter :: window_size = 5          !! see dem_window
   integer(i4), parameter :: crushed_size = 10        !! see dem_breakage
+  integer(i4), parameter :: grown_size = 5           !! see dem_breakage_growth
   integer(i4), parameter :: graded_size = 4          !! see dem_grading
   integer(i4), parameter :: entries_ahead = 48  !! spare entries that sums may read
 
@@ -212,6 +213,7 @@ module dem_state
     real(wp) :: left = 0.0_wp                   !! taken along by grains that have left
     real(wp) :: released = 0.0_wp               !! stored energy that grains lost as they broke
     real(wp) :: fines = 0.0_wp                  !! kinetic energy of the fines of broken grains
+    real(wp) :: growth = 0.0_wp                 !! work of fragments that grow on their contacts
     real(wp) :: liquid = 0.0_wp                 !! stored in the liquid at the last exchange
     real(wp) :: liquid_flow = 0.0_wp            !! work of walls and drains on the liquid
     real(wp) :: liquid_work = 0.0_wp            !! of the liquid on grains
@@ -291,6 +293,8 @@ module dem_state
                                                    !! that broke, generation
     real(wp), allocatable :: fines(:, :)           !! (2, broken grains) mass of fines [kg], least
                                                    !! diameter of their fragments [m]
+    real(wp), allocatable :: growing(:, :)         !! (grown_size, fragments), rising ids,
+                                                   !! dem_breakage_growth; only if they grow
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
 end module dem_state

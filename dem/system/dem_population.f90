@@ -5,26 +5,28 @@
 !! the ledger as taken along and brought along (eq. D.23).
 module dem_population
   use talus_kinds, only: wp, i4, i8
+  use dem_bond_counts, only: bond_at, count_broken
   use dem_cell, only: is_periodic, least_width
   use dem_gather, only: pack_contacts
   use dem_ledger, only: refresh_stored, content
   use dem_make, only: is_prescribed, prescribe_some
   use dem_membrane_forces, only: share_anew
   use dem_migrate, only: pack_grains, make_local
-  use dem_pairs, only: build_pairs
+  use dem_pairs, only: build_pairs, effective_root
   use dem_prescribed, only: put_body
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_record_layout, only: touch_grain, at_body, at_first_id, at_second_id
   use dem_records, only: grain_reals, pack_grain, index_of
+  use dem_shape_make, only: scale_grain
   use dem_shape_state, only: put_frame
   use dem_start_springs, only: start_springs_type, hang_springs
-  use dem_state, only: dem_data_type, dem_grains_type, dem_ledger_type
+  use dem_state, only: dem_data_type, dem_grains_type, dem_ledger_type, lanes, history_root
   use dem_steps, only: evaluate_forces
   use dem_surface_records, only: pack_touches, receive_touches
   use dem_surface_search, only: list_near
   implicit none
   private
-  public :: remove_grains, add_grains, replace_grains, weigh_grains
+  public :: remove_grains, add_grains, replace_grains, weigh_grains, resize_grains
   public :: memory_type, change_kinds, change_memory, gain
 
   !> What contacts remember, as rows of dem_records and dem_surface_records.
@@ -74,7 +76,8 @@ contains
   end subroutine add_grains
 
   !> These grains break, and those enter in their places: what was stored is released, kinetic
-  !! energy goes with the fines. eq. D.29
+  !! energy goes with the fines. Their bonds break with them, and fragments carry no load of a
+  !! surcharge yet. eq. D.29
   subroutine replace_grains(d, leaving, entering)
     type(dem_data_type), intent(inout) :: d
     logical, intent(in) :: leaving(:)              !! (grains)
@@ -82,7 +85,9 @@ contains
     type(dem_ledger_type) :: before, now
     real(wp) :: change
 
+    call end_bonds(d, leaving)
     call refresh_stored(d, d%ledger_dt, before)
+    if (allocated(d%surcharge)) call pass_loads(d, leaving, entering%n)
     call exchange_grains(d, leaving, rows_of(entering, d%grains%shapes%in_use))
     call find_forces(d)
     change = gain(d, before, now)
@@ -90,6 +95,41 @@ contains
     d%ledger%released = d%ledger%released - change - (before%kinetic - now%kinetic)
     if (entering%n > 0) d%last_id = max(d%last_id, maxval(entering%id))
   end subroutine replace_grains
+
+  !> All bonds of these grains break: they count as torn, what they stored is lost. eq. D.72
+  subroutine end_bonds(d, leaving)
+    type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: leaving(:)  !! (grains)
+    type(dem_ledger_type) :: before, after
+    integer(i4) :: k, lane, at, torn
+    at = bond_at(d%pairs%additional)
+    if (at == 0) return
+    call refresh_stored(d, d%ledger_dt, before)
+    torn = 0
+    do k = 1, d%pairs%grain_blocks
+      do lane = 1, lanes
+        if (.not. d%pairs%additional%kept(lane, at, k) > 0.0_wp) cycle
+        if (.not. (leaving(d%pairs%first(lane, k)) &
+                   .or. leaving(d%pairs%grain(d%pairs%second(lane, k))))) cycle
+        d%pairs%additional%kept(lane, at, k) = 0.0_wp
+        torn = torn + 1
+      end do
+    end do
+    d%pairs%additional%broken(1) = d%pairs%additional%broken(1) + torn
+    call count_broken(d%pairs%additional)
+    call refresh_stored(d, d%ledger_dt, after)
+    d%ledger%breakage = d%ledger%breakage + before%elastic_other - after%elastic_other
+  end subroutine end_bonds
+
+  !> Loads of the surcharge for the grains that stay, none for those that enter behind them.
+  pure subroutine pass_loads(d, leaving, entering)
+    type(dem_data_type), intent(inout) :: d
+    logical, intent(in) :: leaving(:)       !! (grains)
+    integer(i4), intent(in) :: entering     !! how many
+    integer(i4) :: k
+    d%surcharge = [pack(d%surcharge, .not. leaving), [(0.0_wp, k=1, entering)]]
+    d%surcharge_top = [pack(d%surcharge_top, .not. leaving), [(.false., k=1, entering)]]
+  end subroutine pass_loads
 
   !> Records of grains that enter.
   function rows_of(entering, shaped) result(rows)
@@ -118,6 +158,40 @@ contains
     call change_memory(d)
     d%ledger%entered = d%ledger%entered + gain(d, before)
   end subroutine weigh_grains
+
+  !> Sizes from now on; contacts keep what they remember. What they store more is the work of the
+  !! growth, since no time passes. eq. D.71
+  subroutine resize_grains(d, factor)
+    type(dem_data_type), intent(inout) :: d
+    real(wp), intent(in) :: factor(:)  !! (grains) on all lengths [-]
+    type(dem_ledger_type) :: before
+    integer(i4) :: i
+    call refresh_stored(d, d%ledger_dt, before)
+    do i = 1, d%grains%n
+      if (.not. abs(factor(i) - 1.0_wp) > 0.0_wp) cycle
+      call scale_grain(d%grains, i, factor(i))
+      call put_body(d%grains, i, d%pairs%body(:, i))
+    end do
+    call fit_radii(d)
+    call change_memory(d)
+    d%ledger%growth = d%ledger%growth + gain(d, before)
+  end subroutine resize_grains
+
+  !> What contacts of spheres remember of their radii, which a new list inherits.
+  pure subroutine fit_radii(d)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4) :: i, j, k, lane
+    do k = 1, d%pairs%grain_blocks
+      if (.not. d%pairs%round(k)) cycle
+      do lane = 1, lanes
+        i = d%pairs%first(lane, k)
+        j = d%pairs%grain(d%pairs%second(lane, k))
+        if (i > d%grains%n .or. j == 0) cycle
+        d%pairs%history(lane, history_root, k) = effective_root(d%grains%radius(i)**2, &
+                                                                d%grains%radius(j)**2)
+      end do
+    end do
+  end subroutine fit_radii
 
   !> A new list for grains whose kinds have changed. Of grains that were held meanwhile contacts
   !! remember what they did before.

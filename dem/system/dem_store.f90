@@ -5,7 +5,7 @@ module dem_store
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
   use dem_state, only: dem_data_type, dem_cell_type, dem_ledger_type, servo_seen_size, &
-    surcharge_seen_size, fed_size, drained_size, window_size, crushed_size, &
+    surcharge_seen_size, fed_size, drained_size, window_size, crushed_size, grown_size, &
     graded_size
   use dem_received_contacts, only: receive_contacts, give_results
   use dem_cell, only: is_periodic
@@ -123,6 +123,9 @@ contains
                                                      d%ledger%fines], [crushed_size + 2, 1]))
     call archive%put_integers('breakage.lineage', d%lineage)
     call archive%put_reals('breakage.fines', d%fines)
+    if (.not. allocated(d%growing)) return
+    call archive%put_reals('breakage.growing', d%growing)
+    call archive%put_reals('breakage.growth', reshape([d%ledger%growth], [1, 1]))
   end subroutine put_crushed
 
   !> The same back, after the ledger; a checkpoint of a run without breakage has none.
@@ -140,6 +143,11 @@ contains
     d%crushed = sums(:crushed_size, 1)
     d%ledger%released = sums(crushed_size + 1, 1)
     d%ledger%fines = sums(crushed_size + 2, 1)
+    if (.not. allocated(d%growing) .or. archive%find('breakage.growing') == 0) return
+    call archive%get_reals('breakage.growing', grown_size, -1, d%growing, errors)
+    call archive%get_reals('breakage.growth', 1, 1, sums, errors)
+    if (errors%any()) return
+    d%ledger%growth = sums(1, 1)
   end subroutine get_crushed
 
   pure function weight_ids(d) result(ids)

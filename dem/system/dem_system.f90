@@ -22,7 +22,8 @@ module dem_system
   use dem_parts_forces, only: forces_on_free, forces_between_ghosts
   use dem_measure, only: check_overlap, check_runaway
   use dem_hold, only: held_type, hold_others, let_others_go
-  use dem_population, only: remove_grains, add_grains, replace_grains, weigh_grains, gain
+  use dem_population, only: remove_grains, add_grains, replace_grains, weigh_grains, &
+    resize_grains, gain
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
@@ -58,6 +59,7 @@ module dem_system
     procedure :: replace          !! (leaving, entering): grains break; no time passes
     procedure :: change_weights   !! (ids, value, ghost_pairs): within a run; no time passes
     procedure :: weigh            !! (mass, inertia): of all grains; no time passes
+    procedure :: resize           !! (factor): on the sizes of all grains; no time passes
     procedure :: hold             !! (moving, held): all but some free grains; no time passes
     procedure :: let_go           !! (held): those again; no time passes
     procedure :: be_open          !! (): grains may enter and leave from now on
@@ -309,6 +311,15 @@ contains
     call weigh_grains(self%dem_data_type, mass, inertia)
     call settle_change(self)
   end subroutine weigh
+
+  !> Other sizes of grains from now on; the whole has been gathered.
+  subroutine resize(self, factor)
+    class(dem_system_type), intent(inout) :: self
+    real(wp), intent(in) :: factor(:)  !! (grains) on all lengths [-]
+    call follow_step(self%dem_data_type, self%par%dt)
+    call resize_grains(self%dem_data_type, factor)
+    call settle_change(self)
+  end subroutine resize
 
   !> Hold all but some free grains, until let_go; the whole has been gathered.
   subroutine hold(self, moving, held)

@@ -1,5 +1,5 @@
 !> Grains leave and enter: those that stay keep what their contacts remember, forces are those of
-!! the new system, and the ledger books what went and what came.
+!! the new system, and the ledger books what went and what came; of grains that grow, their work.
 program test_dem_population
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -16,6 +16,7 @@ program test_dem_population
 
   call check_leaving()
   call check_return()
+  call check_growth()
   call test%finish()
 
 contains
@@ -134,4 +135,50 @@ contains
     call test%check_close('closure', closure_of(s%ledger), closure_of(other%ledger), &
                           1.0e-9_wp*energy)
   end subroutine check_return
+
+  !> Two of four grow: what the contacts store more, by Hertz's closed form, is the work of the
+  !! growth; masses stay, and the ledger closes as before.
+  subroutine check_growth()
+    type(dem_system_type) :: s
+    type(dem_contacts_type) :: before, after
+    type(dem_ledger_type) :: now
+    real(wp), parameter :: factor(4) = [1.0_wp, 1.002_wp, 1.0_wp, 1.004_wp]
+    real(wp) :: energy, closure, mass(4), wanted, share
+    integer(i4) :: k
+    call make_system(s, [1_i8, 2_i8, 3_i8, 4_i8])
+    call s%contacts(before)
+    energy = energy_of(s)
+    closure = closure_of(s%ledger)
+    mass = s%grains%mass
+    call s%resize(factor)
+    call refresh_stored(s%dem_data_type, s%par%dt, now)
+    wanted = 0.0_wp
+    do k = 1, 3
+      wanted = wanted + hertz_energy(factor(k)*radius, factor(k + 1)*radius, &
+                                     norm2(s%grains%x(:, k + 1) - s%grains%x(:, k)))
+    end do
+    call test%check_close('energy of Hertz', now%elastic_normal, wanted, 1.0e-12_wp*wanted)
+    call test%check_all_close('grown', s%grains%radius, factor*radius, 1.0e-15_wp*radius)
+    call test%check_all_close('masses stay', s%grains%mass, mass, 0.0_wp)
+    call test%check_close('work of the growth', s%ledger%growth, energy_of(s) - energy, &
+                          1.0e-14_wp*energy_of(s))
+    call test%check('of some size', s%ledger%growth > 0.1_wp*energy)
+    call s%contacts(after)
+    call test%check('springs there were', max_abs(before%spring) > 1.0e-4_wp)
+    call test%check_close('springs are the same', max_abs(after%spring - before%spring), 0.0_wp, &
+                          1.0e-14_wp*max_abs(before%spring))
+    call s%refresh_ledger()
+    call test%check_close('closure', closure_of(s%ledger), closure, 1.0e-14_wp*energy_of(s))
+    share = s%ledger%growth
+    call s%resize(1.0_wp/factor)
+    call test%check_close('and back', abs(s%ledger%growth), 0.0_wp, 1.0e-12_wp*share)
+  end subroutine check_growth
+
+  !> Of two spheres of 1 GPa and 0.25, (8/15) E* sqrt(R) overlap^(5/2) [J].
+  pure real(wp) function hertz_energy(first, second, distance) result(energy)
+    real(wp), intent(in) :: first, second, distance  !! radii, of the centres [m]
+    real(wp), parameter :: modulus = 1.0e9_wp/(2.0_wp*(1.0_wp - 0.25_wp**2))
+    energy = 8.0_wp/15.0_wp*modulus*sqrt(first*second/(first + second)) &
+             *max(first + second - distance, 0.0_wp)**2.5_wp
+  end function hertz_energy
 end program test_dem_population
