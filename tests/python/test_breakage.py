@@ -44,7 +44,7 @@ BOX = "".join(
 )  # fmt: skip
 CELL = f"&cell size = {SIDE}, {SIDE}, {SIDE} /\n&cell_rate component = 'mean', rate = -1200.0 /\n"
 OUTPUT = """&output every_time = 1.0e-4, packing = 'end.h5' /
-&checkpoint every_time = 5.0e-5, keep = 9 /
+&checkpoint every_time = 3.0e-5, keep = 9 /
 """
 
 
@@ -61,7 +61,7 @@ def write_loose(folder: Path, *, shapes: bool = False, periodic: bool = False) -
 
 
 def run(
-    folder: Path, *parts: str, t_end: float = 4.0e-4, words: str = "seed = 1", ranks: int = 1,
+    folder: Path, *parts: str, t_end: float = 2.4e-4, words: str = "seed = 1", ranks: int = 1,
     threads: int = 1, options: tuple[str, ...] = (), strength: float = 5.0e6,
     smallest: float = 0.6e-3, relaxed: bool = False,
 ) -> str:  # fmt: skip
@@ -168,7 +168,7 @@ def test_a_stop_after_a_break_goes_on_by_the_same_bits(tmp_path: Path) -> None:
 def test_kills_change_no_bit(tmp_path: Path) -> None:
     """Killed at any moment, amid breaks and lists, a run that goes on ends by the same bits."""
     write_loose(tmp_path)
-    output = OUTPUT.replace("5.0e-5", "1.0e-5")
+    output = OUTPUT.replace("3.0e-5", "1.0e-5")
     run(tmp_path, BOX, output)
     end = contents(tmp_path / "end.h5")
     texts = {name: (tmp_path / f"deck_{name}.csv").read_text() for name in ("broken", "breakage")}
@@ -242,10 +242,10 @@ def test_an_overlap_in_motion_goes_on_by_the_same_bits(tmp_path: Path) -> None:
 def test_ranks_break_the_same_grains(tmp_path: Path) -> None:
     """On two ranks the first breaks are those of one rank: grains, strengths and order."""
     write_loose(tmp_path)
-    run(tmp_path, BOX, OUTPUT, t_end=3.0e-4)
+    run(tmp_path, BOX, OUTPUT, t_end=1.0e-4)
     one = read_history(tmp_path / "deck_broken.csv")
     mass = read_history(tmp_path / "deck_breakage.csv")
-    run(tmp_path, BOX, OUTPUT, t_end=3.0e-4, ranks=2)
+    run(tmp_path, BOX, OUTPUT, t_end=1.0e-4, ranks=2)
     two = read_history(tmp_path / "deck_broken.csv")
     n = min(10, len(one["id"]))
     assert n > 5

@@ -37,7 +37,7 @@ def test_grown_fragments_have_the_volume_of_their_grain(
 def test_growth_goes_on_by_the_same_bits(tmp_path: Path) -> None:
     """Two threads from a checkpoint amid growth end by the bits of one; rows of events as well."""
     write_loose(tmp_path)
-    often = OUTPUT.replace("5.0e-5", "2.0e-5")
+    often = OUTPUT.replace("3.0e-5", "2.0e-5")
     run(tmp_path, BOX, often, LIMIT, words=GROW, t_end=END, smallest=0.9e-3)
     end = contents(tmp_path / "end.h5")
     names = ("broken", "breakage", "energy")

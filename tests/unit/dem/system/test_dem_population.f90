@@ -143,7 +143,7 @@ contains
     type(dem_contacts_type) :: before, after
     type(dem_ledger_type) :: now
     real(wp), parameter :: factor(4) = [1.0_wp, 1.002_wp, 1.0_wp, 1.004_wp]
-    real(wp) :: energy, closure, mass(4), wanted, share
+    real(wp) :: energy, closure, mass(4), wanted, tangential
     integer(i4) :: k
     call make_system(s, [1_i8, 2_i8, 3_i8, 4_i8])
     call s%contacts(before)
@@ -169,9 +169,10 @@ contains
                           1.0e-14_wp*max_abs(before%spring))
     call s%refresh_ledger()
     call test%check_close('closure', closure_of(s%ledger), closure, 1.0e-14_wp*energy_of(s))
-    share = s%ledger%growth
+    tangential = now%elastic_tangential
     call s%resize(1.0_wp/factor)
-    call test%check_close('and back', abs(s%ledger%growth), 0.0_wp, 1.0e-12_wp*share)
+    call test%check('and back, but for what springs lose as their contacts shrink', &
+                    abs(s%ledger%growth) <= tangential .and. tangential < 1.0e-3_wp*wanted)
   end subroutine check_growth
 
   !> Of two spheres of 1 GPa and 0.25, (8/15) E* sqrt(R) overlap^(5/2) [J].
