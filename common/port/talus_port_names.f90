@@ -11,17 +11,17 @@ module talus_port_names
   public :: field_analysis, field_area, field_axes, field_border_old, field_branch, field_brief
   public :: field_capabilities, field_compressibility, field_conductance, field_connectivity
   public :: field_content, field_couple, field_couple_stress, field_darcy, field_deck_hash
-  public :: field_drift, field_dt, field_early, field_element, field_entered, field_error_code
-  public :: field_error_hint, field_error_message, field_error_place, field_exponent
-  public :: field_fields, field_final, field_flow_work, field_fluid_in, field_force
-  public :: field_gravity, field_group, field_hash, field_held, field_held_phi, field_history
-  public :: field_id, field_ids, field_impulse, field_inertia, field_iterations, field_kick
-  public :: field_kind, field_knots, field_law, field_load, field_mass, field_mass_phi
-  public :: field_mass_u, field_material, field_mean, field_mean_force, field_mean_moment
-  public :: field_micro_stress, field_micromorphic, field_micropolar, field_mobility
-  public :: field_moduli, field_moment, field_moment_impulse, field_motion, field_moved
-  public :: field_names, field_node, field_node_phi, field_normal, field_omega, field_p
-  public :: field_path, field_phi, field_phi_acceleration, field_phi_rate, field_point
+  public :: field_density, field_drift, field_dt, field_early, field_element, field_entered
+  public :: field_error_code, field_error_hint, field_error_message, field_error_place
+  public :: field_exponent, field_fields, field_final, field_flow_work, field_fluid_in
+  public :: field_force, field_gravity, field_group, field_hash, field_held, field_held_phi
+  public :: field_history, field_id, field_ids, field_impulse, field_inertia, field_iterations
+  public :: field_kick, field_kind, field_knots, field_law, field_load, field_mass
+  public :: field_mass_phi, field_mass_u, field_material, field_mean, field_mean_force
+  public :: field_mean_moment, field_micro_stress, field_micromorphic, field_micropolar
+  public :: field_mobility, field_moduli, field_moment, field_moment_impulse, field_motion
+  public :: field_moved, field_names, field_node, field_node_phi, field_normal, field_omega
+  public :: field_p, field_path, field_phi, field_phi_acceleration, field_phi_rate, field_point
   public :: field_poisson, field_polar, field_pressure, field_program, field_protocol, field_quat
   public :: field_radius, field_ranks, field_reaction, field_reaction_moment, field_rehearsal
   public :: field_restart, field_role, field_run_id, field_scalars, field_scope, field_set
@@ -43,7 +43,7 @@ module talus_port_names
   public :: can_load, can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
   public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
   public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
-  public :: can_moduli, can_places, can_pore
+  public :: can_moduli, can_places, can_element_stress, can_pore
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -88,11 +88,11 @@ module talus_port_names
   character(len=*), parameter :: field_couple_stress = 'couple_stress'  !! DESCRIBE quadrature
   character(len=*), parameter :: field_darcy = 'darcy'
   character(len=*), parameter :: field_deck_hash = 'deck_hash'  !! HELLO
+  character(len=*), parameter :: field_density = 'density'  !! SET initial_stress
   character(len=*), parameter :: field_drift = 'drift'  !! KICK_DRIFT
   character(len=*), parameter :: field_dt = 'dt'  !! HELLO
   character(len=*), parameter :: field_early = 'early'  !! STOP
-  !> DESCRIBE quadrature, DESCRIBE group, SET moduli
-  character(len=*), parameter :: field_element = 'element'
+  character(len=*), parameter :: field_element = 'element'  !! DESCRIBE quadrature and 3 more
   character(len=*), parameter :: field_entered = 'entered'
   character(len=*), parameter :: field_error_code = 'error.code'
   character(len=*), parameter :: field_error_hint = 'error.hint'
@@ -290,6 +290,8 @@ module talus_port_names
   character(len=*), parameter :: can_quad_weight = 'quad_weight'  !! SET quad_weight
   character(len=*), parameter :: can_moduli = 'moduli'  !! SET moduli
   character(len=*), parameter :: can_places = 'places'  !! SET places
+  !> SET initial_stress of some elements, within a run: their laws have a state
+  character(len=*), parameter :: can_element_stress = 'element_stress'
   !> SELECT with the role pore, DESCRIBE pore; the solid SET pore_storage
   character(len=*), parameter :: can_pore = 'pore'
 

@@ -135,6 +135,7 @@ enum talus_scalar {
 #define TALUS_CAN_QUAD_WEIGHT "quad_weight"
 #define TALUS_CAN_MODULI "moduli"
 #define TALUS_CAN_PLACES "places"
+#define TALUS_CAN_ELEMENT_STRESS "element_stress"
 #define TALUS_CAN_PORE "pore"
 
 /* scopes of FORCE */
@@ -185,6 +186,7 @@ enum talus_scalar {
 #define TALUS_FIELD_COUPLE_STRESS "couple_stress"
 #define TALUS_FIELD_DARCY "darcy"
 #define TALUS_FIELD_DECK_HASH "deck_hash"
+#define TALUS_FIELD_DENSITY "density"
 #define TALUS_FIELD_DRIFT "drift"
 #define TALUS_FIELD_DT "dt"
 #define TALUS_FIELD_EARLY "early"

@@ -4,7 +4,7 @@ module cpl_bed
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
-  use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_moved, &
+  use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_mass, field_moved, &
     field_omega, field_pressure, field_radius, field_steps, field_stress, field_stretch, &
     field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, field_what, field_x, &
     what_asleep, what_grains, what_kind
@@ -283,7 +283,7 @@ contains
                       fate%v(:, pack([(k, k=1, size(id))], fate%bound)))
   end subroutine close_behind
 
-  !> Ids, kinds, radii and places of the grains that are awake.
+  !> Ids, kinds, radii, masses and places of the grains that are awake.
   subroutine ask_places(grains, pack_of, timers, errors)
     type(cpl_solver_type), intent(inout) :: grains
     type(pack_type), intent(out) :: pack_of
@@ -294,6 +294,7 @@ contains
     call grains%reply%take_int(field_id, pack_of%id, errors)
     call grains%reply%take_int(field_kind, pack_of%kind, errors)
     call grains%reply%take(field_radius, pack_of%radius, errors)
+    call grains%reply%take(field_mass, pack_of%mass, errors)
     call grains%reply%take(field_x, pack_of%x, errors)
   end subroutine ask_places
 

@@ -16,10 +16,17 @@ module cpl_gap
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: find_gap, mass_gap
+  public :: find_gap, mass_gap, density_of, stress_type, read_stress, mean_stress, six
 
   !> Components xx yy zz xy yz zx among nine.
   integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]
+
+  !> Stresses of the solid's points.
+  type :: stress_type
+    real(wp), allocatable :: stress(:, :)    !! (6, points), or with a second field (9, points) [Pa]
+    real(wp), allocatable :: weight(:)       !! (points) [m^3]
+    integer(i4), allocatable :: element(:)   !! (points)
+  end type stress_type
 
 contains
 
@@ -31,23 +38,17 @@ contains
     type(timers_type), intent(inout) :: timers
     real(wp), intent(out) :: gap             !! [-]
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: stress(:, :), weight(:)
-    integer(i4), allocatable :: element(:)
+    type(stress_type) :: points
     real(wp) :: own(6), other
     integer(i4) :: k, worst
 
     gap = 0.0_wp
     if (change%replays == 0) return
-    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
-    call solid%request%put_text(field_what, what_quadrature)
-    call solid%ask(timers, errors)
-    call solid%reply%take(field_stress, stress, errors)
-    call solid%reply%take(field_weight, weight, errors)
-    call solid%reply%take_int(field_element, element, errors)
+    call read_stress(solid, points, timers, errors)
     if (errors%any()) return
     worst = 1
     do k = 1, change%replays
-      own = mean_stress(stress, weight, element == change%element(k))
+      own = mean_stress(points, change%element(k))
       other = maxval(abs(change%stress(six, k) - own))/change%pressure
       if (other > gap) worst = k
       gap = max(gap, other)
@@ -67,22 +68,45 @@ contains
     real(wp) :: volume(cells%elements), solid
     integer(i4) :: e
     volume = [(cells%volume(e), e=1, cells%elements)]
-    solid = sum(cells%mass)*sum(volume, o%sets%part == part_ghost)/sum(volume)
+    solid = density_of(cells)*sum(volume, o%sets%part == part_ghost)
     mass_gap = 0.0_wp
     if (solid > 0.0_wp) mass_gap = sum(o%pack%mass(o%sets%ghost))/solid - 1.0_wp
   end function mass_gap
 
+  !> Mean density of the continuum [kg/m^3].
+  pure real(wp) function density_of(cells)
+    type(cells_type), intent(in) :: cells  !! not displaced
+    integer(i4) :: e
+    density_of = sum(cells%mass)/sum([(cells%volume(e), e=1, cells%elements)])
+  end function density_of
+
+  !> Stresses of the solid's points now.
+  subroutine read_stress(solid, points, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    type(stress_type), intent(out) :: points
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call solid%start_request(verb_describe, 0_i8, solid%time, solid%time)
+    call solid%request%put_text(field_what, what_quadrature)
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call solid%reply%take(field_stress, points%stress, errors)
+    call solid%reply%take(field_weight, points%weight, errors)
+    call solid%reply%take_int(field_element, points%element, errors)
+  end subroutine read_stress
+
   !> Of one element, as xx yy zz xy yz zx [Pa].
-  pure function mean_stress(stress, weight, of_it) result(mean)
-    real(wp), intent(in) :: stress(:, :)  !! (6, points), or with a second field (9, points)
-    real(wp), intent(in) :: weight(:)     !! (points) [m^3]
-    logical, intent(in) :: of_it(:)       !! (points)
+  pure function mean_stress(points, element) result(mean)
+    type(stress_type), intent(in) :: points
+    integer(i4), intent(in) :: element
+    logical :: of_it(size(points%element))
     real(wp) :: mean(6)
     integer(i4) :: j, at
+    of_it = points%element == element
     do j = 1, 6
       at = j
-      if (size(stress, 1) == 9) at = six(j)
-      mean(j) = sum(weight*stress(at, :), of_it)/sum(weight, of_it)
+      if (size(points%stress, 1) == 9) at = six(j)
+      mean(j) = sum(points%weight*points%stress(at, :), of_it)/sum(points%weight, of_it)
     end do
   end function mean_stress
 end module cpl_gap

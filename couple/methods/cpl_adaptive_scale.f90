@@ -19,13 +19,14 @@ module cpl_adaptive_scale
   use cpl_cells, only: cells_type
   use cpl_choices, only: cpl_choices_type
   use cpl_closing, only: closing_type, fate_type
-  use cpl_gap, only: find_gap, mass_gap
+  use cpl_gap, only: find_gap, mass_gap, density_of
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
   use cpl_overlap_limit, only: kick_watch_type
   use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
   use cpl_rebirth, only: rebirth_type
+  use cpl_reborn, only: reborn_type
   use cpl_roles, only: roles_type
   use cpl_run, only: cpl_run_type
   use cpl_sets, only: pack_type, part_none, part_rest, part_ghost, part_free
@@ -37,18 +38,19 @@ module cpl_adaptive_scale
   real(wp), parameter :: far = 1.0e6_wp       !! [m] where no node is
   real(wp), parameter :: most_apart = 0.1_wp  !! of the masses of grains and continuum [-]
 
-  character(len=17), parameter :: columns(23) = [character(len=17) :: 'time [s]', 'opened [-]', &
+  character(len=18), parameter :: columns(26) = [character(len=18) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
     'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]', &
-    'front_strain [-]', 'gap_mass [-]']
+    'front_strain [-]', 'gap_mass [-]', 'reborn [-]', 'gap_yield [-]', 'gap_yield_mean [-]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
     type(bed_type) :: bed
     type(closing_type) :: closing
     type(rebirth_type) :: rebirth
+    type(reborn_type) :: reborn
     integer(i8) :: conversions = 0
     real(wp) :: energy = 0.0_wp        !! that conversions have brought [J]
     real(wp) :: gap = 0.0_wp           !! of the stress where grains woke, over the tile's mean [-]
@@ -103,6 +105,7 @@ contains
       self%bed%cells = plain%cells
       self%rebirth%cells = plain%cells
       self%rebirth%x = plain%cells%x
+      self%reborn%density = density_of(plain%cells)
       if (run%again) then
         call read_overlap_reference(run%checkpoint, run%state, reference, errors)
         if (.not. errors%any()) call read_parts(self, run, errors)
@@ -296,7 +299,7 @@ contains
                                 norm2(change(3:))], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
         str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
-        ' are awake'//closed_text(told)//replays_text(told, self%gap))
+        ' are awake'//closed_text(told, self%reborn)//replays_text(told, self%gap))
     end associate
     call renew_watch(self, run, errors)
   end subroutine convert
@@ -314,16 +317,22 @@ contains
                             run%timers, errors)
     if (errors%any()) return
     call self%bed%cells%place(self%rebirth%x + carried%u, placed)
+    call self%reborn%give_stress(run%solvers, placed, reshape([carried%part, self%roles%part], &
+      [size(self%roles%part), 2]), pack_of, run%timers, errors)
+    if (errors%any()) return
     call self%closing%sort_out(placed, self%roles, pack_of, carried%v, fate)
     call self%bed%close_behind(run%solvers(side_grains), pack_of%id, fate, run%timers, errors)
   end subroutine close_elements
 
   !> Of elements that have closed, if there are any.
-  pure function closed_text(change) result(text)
+  pure function closed_text(change, reborn) result(text)
     type(change_type), intent(in) :: change
+    type(reborn_type), intent(in) :: reborn
     character(len=:), allocatable :: text
     text = ''
     if (change%closed > 0) text = '; '//str(change%closed)//' elements have closed'
+    if (reborn%count > 0) text = text//', '//str(reborn%count)//' with the stress of their '// &
+      'grains, of which the law took back '//short_number(reborn%beyond(1))//' of the pressure'
   end function closed_text
 
   !> Of replays, if there were any.
@@ -407,7 +416,7 @@ contains
         real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
         self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers, &
         real(change%closed, wp), self%closing%found, self%front, &
-        mass_gap(self%o, self%bed%cells)], errors)
+        mass_gap(self%o, self%bed%cells), real(self%reborn%count, wp), self%reborn%beyond], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note

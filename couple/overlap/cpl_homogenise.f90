@@ -13,7 +13,7 @@ module cpl_homogenise
   use talus_homogenise, only: cross
   use talus_moduli, only: affine_moduli, isotropic_part, isotropic_type
   use talus_sample, only: sample_type
-  use cpl_cells, only: spot_type
+  use cpl_cells, only: cells_type, spot_type
   use cpl_elements, only: most_nodes, corner_count, corner_kind, shapes
   use cpl_overlap, only: overlap_type
   use cpl_overlap_partition, only: contacts_type, points_type, rows_of_contacts
@@ -21,7 +21,7 @@ module cpl_homogenise
   use cpl_weights, only: omega
   implicit none
   private
-  public :: pack_average_type, average_pack, extend_average, stress_at
+  public :: pack_average_type, average_pack, extend_average, stress_at, smooth_over_nodes
 
   integer(i4), parameter :: deepest = 8            !! halvings of a piece that crosses a face
   real(wp), parameter :: flat = 1.0e-6_wp          !! spread of depths that shows no slope
@@ -236,47 +236,57 @@ contains
   subroutine smooth(o, average)
     type(overlap_type), intent(in) :: o
     type(pack_average_type), intent(inout) :: average
-    real(wp) :: volume(o%cells%nodes), stress(9, o%cells%nodes), couple(9, o%cells%nodes), whole
+    logical :: ghosts(o%cells%elements), found(o%cells%elements)
+    ghosts = o%sets%part == part_ghost
+    call smooth_over_nodes(o%cells, average%volume, ghosts, average%stress, found)
+    call smooth_over_nodes(o%cells, average%volume, ghosts, average%couple, found)
+    average%own = merge(found, average%volume > 0.0_wp, ghosts)
+  end subroutine smooth
+
+  !> Values of some elements become means over all that share their nodes, by volumes: over the
+  !! elements of a node, then over the nodes. `found`: there are such.
+  subroutine smooth_over_nodes(cells, volume, chosen, value, found)
+    type(cells_type), intent(in) :: cells
+    real(wp), intent(in) :: volume(:)         !! (elements) [m^3]
+    logical, intent(in) :: chosen(:)          !! (elements)
+    real(wp), intent(inout) :: value(:, :)    !! (n, elements)
+    logical, intent(out) :: found(:)          !! (elements)
+    real(wp) :: around(cells%nodes), sums(size(value, 1), cells%nodes), whole
     integer(i4) :: e, a
 
-    volume = 0.0_wp
-    stress = 0.0_wp
-    couple = 0.0_wp
-    do e = 1, o%cells%elements
-      associate (node => o%cells%node(o%cells%start(e):o%cells%start(e + 1) - 1), &
-                 v => average%volume(e))
+    around = 0.0_wp
+    sums = 0.0_wp
+    do e = 1, cells%elements
+      associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
         do a = 1, size(node)
-          volume(node(a)) = volume(node(a)) + v
-          stress(:, node(a)) = stress(:, node(a)) + v*average%stress(:, e)
-          couple(:, node(a)) = couple(:, node(a)) + v*average%couple(:, e)
+          around(node(a)) = around(node(a)) + volume(e)
+          sums(:, node(a)) = sums(:, node(a)) + volume(e)*value(:, e)
         end do
       end associate
     end do
-    average%own = average%volume > 0.0_wp
-    do e = 1, o%cells%elements
-      if (o%sets%part(e) /= part_ghost) cycle
-      associate (node => o%cells%node(o%cells%start(e):o%cells%start(e + 1) - 1))
-        whole = sum(volume(node))
-        average%own(e) = whole > 0.0_wp
-        if (.not. average%own(e)) cycle
-        average%stress(:, e) = sum(stress(:, node), 2)/whole
-        average%couple(:, e) = sum(couple(:, node), 2)/whole
+    found = .false.
+    do e = 1, cells%elements
+      if (.not. chosen(e)) cycle
+      associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
+        whole = sum(around(node))
+        found(e) = whole > 0.0_wp
+        if (found(e)) value(:, e) = sum(sums(:, node), 2)/whole
       end associate
     end do
-  end subroutine smooth
+  end subroutine smooth_over_nodes
 
   !> Fit over the elements that are known: a constant, or with gravity a line along it. Couple
   !! stress is not carried beyond the grains.
-  subroutine extend_average(o, gravity, average)
-    type(overlap_type), intent(in) :: o
+  subroutine extend_average(cells, gravity, average)
+    type(cells_type), intent(in) :: cells
     real(wp), intent(in) :: gravity(3)  !! [m/s^2]
     type(pack_average_type), intent(inout) :: average
-    real(wp) :: w(o%cells%elements), z(o%cells%elements), middle(3, o%cells%elements), spread_of
+    real(wp) :: w(cells%elements), z(cells%elements), middle(3, cells%elements), spread_of
     integer(i4) :: e, k
 
-    do e = 1, o%cells%elements
-      associate (node => o%cells%node(o%cells%start(e):o%cells%start(e + 1) - 1))
-        middle(:, e) = sum(o%cells%x(:, node), 2)/size(node)
+    do e = 1, cells%elements
+      associate (node => cells%node(cells%start(e):cells%start(e + 1) - 1))
+        middle(:, e) = sum(cells%x(:, node), 2)/size(node)
       end associate
     end do
     w = merge(average%volume, 0.0_wp, average%own)
@@ -285,7 +295,7 @@ contains
     average%mean = matmul(average%stress, w)/sum(w)
     if (.not. norm2(gravity) > 0.0_wp) return
     average%down = gravity/norm2(gravity)
-    do e = 1, o%cells%elements
+    do e = 1, cells%elements
       z(e) = dot_product(average%down, middle(:, e) - average%middle)
     end do
     spread_of = sum(w*z**2)/sum(w)

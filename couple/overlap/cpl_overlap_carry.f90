@@ -5,8 +5,8 @@ module cpl_overlap_carry
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_force, verb_kick_drift
-  use talus_port_names, only: dot_force, dot_u, dot_v, field_brief, field_drift, field_held, &
-    field_kick, field_scope, field_u, role_report, scope_balance
+  use talus_port_names, only: can_element_stress, dot_force, dot_u, dot_v, field_brief, &
+    field_drift, field_held, field_kick, field_scope, field_u, role_report, scope_balance
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type
   use cpl_sets, only: part_none
@@ -26,6 +26,7 @@ module cpl_overlap_carry
     integer(i4), allocatable :: was(:)          !! (nodes) was_...
     integer(i4), allocatable :: part(:)         !! (elements) see cpl_sets
     logical, allocatable :: held(:, :)          !! (3, nodes) by the solid's deck
+    logical :: stressed = .false.               !! elements had a stress before the start
   end type carried_type
 
 contains
@@ -41,6 +42,7 @@ contains
 
     call carry_motion(o, solid, carried, timers, errors)
     if (errors%any()) return
+    carried%stressed = solid%can(can_element_stress)
     call solid%start_request(verb_force, o%step, solid%time, solid%time)
     call solid%request%put_text(field_scope, scope_balance)
     call solid%request%put_int(field_brief, 1_i4)
@@ -116,7 +118,8 @@ contains
   !! grains by nodes around which no element has changed its part. Of other nodes that follow free
   !! grains the elements act, strained since the start as they are, and the ghosts' part is held:
   !! what the changed elements carried the grains in them carry now. Where elements close nodes that
-  !! followed grains, or had no continuum, begin in balance, and no grain feels a new force.
+  !! followed grains, or had no continuum, begin in balance, and no grain feels a new force. So do
+  !! all of a solid with a stress before the start: the grains have it, too, and act by themselves.
   subroutine hold_difference(o, carried)
     type(overlap_type), intent(inout) :: o
     type(carried_type), intent(in) :: carried
@@ -134,7 +137,7 @@ contains
       a = o%op%node(k)
       if (closed(a) .and. k > o%op%prescribed .and. carried%was(a) == was_prescribed) then
         f(:, k) = -o%forces%f(:, k) - o%forces%bulk(:, k)
-      else if (closed(a) .and. k <= o%op%prescribed) then
+      else if ((closed(a) .or. carried%stressed) .and. k <= o%op%prescribed) then
         f(:, k) = merge(carried%total(:, a), 0.0_wp, carried%was(a) == was_prescribed) &
           - o%forces%f(:, k)
       else if (k > o%op%prescribed) then

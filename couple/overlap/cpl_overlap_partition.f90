@@ -14,7 +14,8 @@ module cpl_overlap_partition
   use cpl_sets, only: part_ghost, part_free, part_none
   implicit none
   private
-  public :: contacts_type, points_type, fill_partition, elastic_tensor, rows_of_contacts
+  public :: contacts_type, points_type, fill_partition, elastic_tensor, rows_of_contacts, &
+    rows_of_ids
 
   !> Contacts as talus-dem describes them.
   type :: contacts_type
@@ -229,16 +230,23 @@ contains
     type(overlap_type), intent(in) :: o
     type(contacts_type), intent(in) :: contacts
     integer(i4), allocatable, intent(out) :: pair(:, :)
+    call rows_of_ids(o%pack%id, contacts%ids, pair)
+  end subroutine rows_of_contacts
+
+  !> Rows in a list of both ids of each pair, 0 for what it does not have.
+  subroutine rows_of_ids(id, ids, pair)
+    integer(i8), intent(in) :: id(:), ids(:, :)         !! (grains), (2, pairs)
+    integer(i4), allocatable, intent(out) :: pair(:, :)  !! (2, pairs)
     integer(i4), allocatable :: order(:)
     integer(i4) :: c, k
-    allocate (order(size(o%pack%id)), pair(2, size(contacts%ids, 2)))
-    call sort_order(real(o%pack%id, wp), order)
+    allocate (order(size(id)), pair(2, size(ids, 2)))
+    call sort_order(real(id, wp), order)
     do c = 1, size(pair, 2)
       do k = 1, 2
-        pair(k, c) = row_of(o%pack%id, order, contacts%ids(k, c))
+        pair(k, c) = row_of(id, order, ids(k, c))
       end do
     end do
-  end subroutine rows_of_contacts
+  end subroutine rows_of_ids
 
   !> Row of an id, 0 if there is none.
   pure integer(i4) function row_of(id, order, wanted)

@@ -114,7 +114,7 @@ contains
       call send_stress(o, solid, timers, errors)
       return
     end if
-    call extend_average(o, solid%gravity, start%average)
+    call extend_average(o%cells, solid%gravity, start%average)
     call fill_partition(o, start%contacts, start%points, partition, row, at, whole=.true.)
     call point_stresses(start, at, partition%polar, state%stress, state%couple)
     call rehearse(o, solid, timers, errors)

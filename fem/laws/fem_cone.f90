@@ -32,6 +32,7 @@ module fem_cone
     procedure :: read => read_cone
     procedure :: associated_flow
     procedure :: check_start
+    procedure :: bring_inside
     procedure :: cohesion_at
     procedure :: cone_step
     procedure :: apex_step
@@ -131,6 +132,21 @@ contains
             ' Pa with |s| = '//str(magnitude(stress - p*unit))//' Pa, p = '//str(p)//' Pa'
     cure = 'raise k0 or the confining stress, or give cohesion'
   end subroutine check_start
+
+  !> A stress outside the cone goes back to it along its deviator, or to its apex. eq. F.75
+  pure subroutine bring_inside(self, stress)
+    class(fem_cone_type), intent(in) :: self
+    real(wp), intent(inout) :: stress(6)  !! [Pa]
+    real(wp) :: p, q, bound, s(6)
+    p = trace(stress)/3.0_wp
+    s = stress - p*unit
+    q = magnitude(s)
+    bound = self%a*self%cohesion
+    if (q + self%b*p <= bound) return
+    if (self%b*p > bound) p = bound/self%b
+    if (q > 0.0_wp) s = s*min(1.0_wp, max(0.0_wp, bound - self%b*p)/q)
+    stress = s + p*unit
+  end subroutine bring_inside
 
   !> Cohesion at a hardening variable, and its slope [Pa].
   pure subroutine cohesion_at(self, z, c, slope)

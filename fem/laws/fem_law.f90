@@ -50,6 +50,7 @@ module fem_law
     procedure(define_face), deferred :: define
     procedure(read_face), deferred :: read_constants
     procedure :: begin
+    procedure :: take_over
     procedure(update_face), deferred :: update
     procedure(modulus_face), deferred :: modulus
     procedure :: moduli_at
@@ -111,6 +112,18 @@ contains
     fault = ''
     cure = ''
   end subroutine begin
+
+  !> State of a point that begins within a run with the stress of grains, which is brought back to
+  !! what the law bears (eq. F.75, F.76, F.77). `state` holds that of the point until now. Here:
+  !! every stress is admitted that the law can start with.
+  subroutine take_over(self, density, stress, state, fault, cure)
+    class(fem_law_type), intent(in) :: self
+    real(wp), intent(in) :: density         !! of the grains, over that of the deck [-]
+    real(wp), intent(inout) :: stress(6)    !! [Pa]
+    real(wp), intent(inout) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    call self%begin(stress, state, fault, cure)
+  end subroutine take_over
 
   !> Moduli, as in fem_micropolar, of waves about a stress: the largest stable step is theirs.
   pure function moduli_at(self, stress) result(moduli)

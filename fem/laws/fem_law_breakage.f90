@@ -25,6 +25,7 @@ module fem_law_breakage
   real(wp), parameter :: held = 1.0e-9_wp          !! of the bulk modulus, pressure of an open point
   real(wp), parameter :: least_share = 0.1_wp      !! of the volume that an iteration must leave
   real(wp), parameter :: outside = 1.0e-9_wp       !! of f at the start
+  integer(i4), parameter :: halvings = 40          !! of the share of a deviator
   real(wp), parameter :: root_2_3 = sqrt(2.0_wp/3.0_wp)
 
   type, extends(fem_law_type) :: fem_law_breakage_type
@@ -39,6 +40,7 @@ module fem_law_breakage
     procedure :: define
     procedure :: read_constants
     procedure :: begin
+    procedure :: take_over
     procedure :: update
     procedure :: modulus
     procedure, private :: look
@@ -135,6 +137,38 @@ contains
             str(point%p)//' Pa, q = '//str(point%q)//' Pa'
     cure = 'crush the grains before: a larger initial_breakage, or begin nearer to isotropic stress'
   end subroutine begin
+
+  !> The deviator is divided by what f has too much, then the pressure; breakage goes on. eq. F.77
+  subroutine take_over(self, density, stress, state, fault, cure)
+    class(fem_law_breakage_type), intent(in) :: self
+    real(wp), intent(in) :: density
+    real(wp), intent(inout) :: stress(6)
+    real(wp), intent(inout) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    type(fem_law_breakage_type) :: own
+    type(crush_type) :: point
+    real(wp) :: p, s(6), share, step
+    integer(i4) :: k
+    p = -trace(stress)/3.0_wp
+    s = stress + p*unit
+    p = max(p, 2.0_wp*held*self%bulk)
+    share = 0.0_wp
+    step = 1.0_wp
+    do k = 0, halvings
+      call start_of(self, (share + step)*s - p*unit, state, 0.0_wp*unit, point)
+      call self%look(point)
+      if (point%r(3) <= 0.0_wp) share = share + step
+      if (share >= 1.0_wp) exit
+      step = 0.5_wp*step
+    end do
+    call start_of(self, share*s - p*unit, state, 0.0_wp*unit, point)
+    call self%look(point)
+    if (.not. share > 0.0_wp) p = p/max(1.0_wp, 1.0_wp + point%r(3))
+    stress = share*s - p*unit
+    own = self
+    own%initial = state(at_breakage)
+    call own%begin(stress, state, fault, cure)
+  end subroutine take_over
 
   !> Trial of an increment from a stress, whose elastic strain it has by B.
   pure subroutine start_of(self, stress, state, strain, point)

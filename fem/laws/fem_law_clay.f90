@@ -22,6 +22,7 @@ module fem_law_clay
   real(wp), parameter :: converged = 1.0e-14_wp  !! of the relative residuals
   real(wp), parameter :: settled = 1.0e-10_wp    !! the same where rounding stops the iteration
   real(wp), parameter :: outside = 1.0e-9_wp     !! of pc^2, that an initial stress may exceed f = 0
+  real(wp), parameter :: least_share = 1.0e-2_wp !! of pc, pressure that grains must have
   real(wp), parameter :: far = 10.0_wp           !! change of log p in an increment that is cut
   real(wp), parameter :: most_pressure = 1.0e40_wp  !! that no part of an increment starts from [Pa]
 
@@ -36,6 +37,7 @@ module fem_law_clay
     procedure :: define
     procedure :: read_constants
     procedure :: begin
+    procedure :: take_over
     procedure :: update
     procedure :: modulus
     procedure, private :: solve
@@ -101,14 +103,45 @@ contains
     end if
     q2 = 1.5_wp*magnitude(stress + p*unit)**2
     pc = self%preconsolidation
-    if (.not. pc > 0.0_wp) pc = self%overconsolidation*(p + q2/(self%slope**2*p))
+    if (.not. pc > 0.0_wp) pc = self%overconsolidation*needed(self, stress)
     state(at_preconsolidation) = pc
     if (q2/self%slope**2 + p*(p - pc) <= outside*pc**2) return
     fault = 'the initial stress is outside the yield surface: it needs pc = '// &
-            str(p + q2/(self%slope**2*p))//' Pa at p = '//str(p)//' Pa, q = '//str(sqrt(q2))// &
+            str(needed(self, stress))//' Pa at p = '//str(p)//' Pa, q = '//str(sqrt(q2))// &
             ' Pa, and preconsolidation is '//str(pc)//' Pa'
     cure = 'raise preconsolidation, or give overconsolidation in its place'
   end subroutine begin
+
+  !> Preconsolidation whose yield surface goes through a stress [Pa].
+  pure real(wp) function needed(self, stress)
+    class(fem_law_clay_type), intent(in) :: self
+    real(wp), intent(in) :: stress(6)
+    real(wp) :: p
+    p = -trace(stress)/3.0_wp
+    needed = p + 1.5_wp*magnitude(stress + p*unit)**2/(self%slope**2*p)
+  end function needed
+
+  !> The deviator goes back to the critical state line, the preconsolidation grows to the stress.
+  !! eq. F.76
+  subroutine take_over(self, density, stress, state, fault, cure)
+    class(fem_law_clay_type), intent(in) :: self
+    real(wp), intent(in) :: density
+    real(wp), intent(inout) :: stress(6)
+    real(wp), intent(inout) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    type(fem_law_clay_type) :: own
+    real(wp) :: p, q, s(6)
+    p = -trace(stress)/3.0_wp
+    s = stress + p*unit
+    q = sqrt(1.5_wp)*magnitude(s)
+    p = max(p, least_share*state(at_preconsolidation))
+    if (q > self%slope*p) s = s*self%slope*p/q
+    stress = s - p*unit
+    own = self
+    if (own%preconsolidation > 0.0_wp) &
+      own%preconsolidation = max(own%preconsolidation, needed(self, stress))
+    call own%begin(stress, state, fault, cure)
+  end subroutine take_over
 
   pure subroutine update(self, strain, stress, state, tangent, good)
     class(fem_law_clay_type), intent(in) :: self

@@ -24,6 +24,7 @@ module fem_law_drucker
     procedure :: define
     procedure :: read_constants
     procedure :: begin
+    procedure :: take_over
     procedure :: update
     procedure :: modulus
     procedure, private :: to_cone
@@ -58,6 +59,16 @@ contains
     state = 0.0_wp
     call self%cone%check_start(stress, fault, cure)
   end subroutine begin
+
+  subroutine take_over(self, density, stress, state, fault, cure)
+    class(fem_law_drucker_type), intent(in) :: self
+    real(wp), intent(in) :: density
+    real(wp), intent(inout) :: stress(6)
+    real(wp), intent(inout) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    call self%cone%bring_inside(stress)
+    call self%begin(stress, state, fault, cure)
+  end subroutine take_over
 
   pure subroutine update(self, strain, stress, state, tangent, good)
     class(fem_law_drucker_type), intent(in) :: self

@@ -30,6 +30,7 @@ module fem_law_sanisand
   real(wp), parameter :: held_share = 0.1_wp         !! of the residual pressure
   real(wp), parameter :: least_share = 1.0e-5_wp     !! of the atmospheric pressure
   real(wp), parameter :: densest = 0.8_wp            !! of the void ratio at the start, for waves
+  real(wp), parameter :: inside = 1.0_wp - 1.0e-6_wp !! of the bounding surface
   real(wp), parameter :: no_strain = 1.0e-9_wp       !! that has the tangent of a zero increment
   real(wp), parameter :: probe = 1.0e-5_wp           !! of the increment, for differences
   real(wp), parameter :: tensor(6) = -1.0_wp/twice   !! from a strain to the compressive tensor
@@ -42,6 +43,9 @@ module fem_law_sanisand
     procedure :: define
     procedure :: read_constants
     procedure :: begin
+    procedure :: take_over
+    procedure, private :: begin_at
+    procedure, private :: most_ratio
     procedure :: update
     procedure :: modulus
     procedure, private :: read_density
@@ -127,7 +131,45 @@ contains
     real(wp), intent(in) :: stress(6)
     real(wp), intent(out) :: state(:)
     character(len=:), allocatable, intent(out) :: fault, cure
-    real(wp) :: p, ratio(6), size_of, g, cosine, most
+    call self%begin_at(self%void_ratio, stress, state, fault, cure)
+  end subroutine begin
+
+  !> The void ratio is that of the grains, the ratio of stresses goes back to the bounding surface.
+  !! eq. F.77
+  subroutine take_over(self, density, stress, state, fault, cure)
+    class(fem_law_sanisand_type), intent(in) :: self
+    real(wp), intent(in) :: density
+    real(wp), intent(inout) :: stress(6)
+    real(wp), intent(inout) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    real(wp) :: p, void, s(6), most
+    p = -trace(stress)/3.0_wp
+    s = stress + p*unit
+    p = max(p + self%sand%residual, self%sand%residual, 2.0_wp*self%sand%least)
+    void = max((1.0_wp + self%void_ratio)/max(density, tiny(density)) - 1.0_wp, self%least_void)
+    most = inside*p*self%most_ratio(-s, p, void)
+    if (magnitude(s) > most) s = s*max(0.0_wp, most)/magnitude(s)
+    stress = s - (p - self%sand%residual)*unit
+    call self%begin_at(void, stress, state, fault, cure)
+  end subroutine take_over
+
+  !> Size of the ratio of stresses on the bounding surface, in the direction of a deviator.
+  pure real(wp) function most_ratio(self, s, p, void)
+    class(fem_law_sanisand_type), intent(in) :: self
+    real(wp), intent(in) :: s(6), p, void  !! compression positive, p with the residual one [Pa]
+    real(wp) :: g, cosine
+    g = 1.0_wp
+    if (magnitude(s) > 0.0_wp) call lode(self%sand, s/magnitude(s), g, cosine)
+    most_ratio = bounding(self%sand, g, void - critical_void(self%sand, p))
+  end function most_ratio
+
+  !> The start with a void ratio.
+  subroutine begin_at(self, void, stress, state, fault, cure)
+    class(fem_law_sanisand_type), intent(in) :: self
+    real(wp), intent(in) :: void, stress(6)
+    real(wp), intent(out) :: state(:)
+    character(len=:), allocatable, intent(out) :: fault, cure
+    real(wp) :: p, ratio(6), size_of, most
 
     state = 0.0_wp
     fault = ''
@@ -143,17 +185,16 @@ contains
     size_of = magnitude(ratio)
     state(at_alpha:at_alpha + 5) = ratio
     state(at_start:at_start + 5) = ratio
-    state(at_ratio) = self%void_ratio
-    state(at_psi) = self%void_ratio - critical_void(self%sand, p)
+    state(at_ratio) = void
+    state(at_psi) = void - critical_void(self%sand, p)
     if (.not. size_of > 0.0_wp) return
-    call lode(self%sand, ratio/size_of, g, cosine)
-    most = bounding(self%sand, g, state(at_psi))
+    most = self%most_ratio(ratio, p, void)
     if (size_of < most) return
     fault = 'the initial stress is outside the bounding surface: q/p = '// &
             str(sqrt(1.5_wp)*size_of)//', and the sand bears '//str(sqrt(1.5_wp)*most)// &
-            ' at void ratio '//str(self%void_ratio)//' and p = '//str(p)//' Pa'
+            ' at void ratio '//str(void)//' and p = '//str(p)//' Pa'
     cure = 'begin nearer to isotropic stress, or denser'
-  end subroutine begin
+  end subroutine begin_at
 
   pure subroutine update(self, strain, stress, state, tangent, good)
     class(fem_law_sanisand_type), intent(in) :: self

@@ -5,7 +5,8 @@ module fem_port_state
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, name_length
-  use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_force, &
+  use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_element_stress, &
+    can_force, &
     can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_places, &
     can_pore, can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, &
     can_springs, field_analysis, field_capabilities, field_couple, field_deck_hash, &
@@ -28,7 +29,7 @@ module fem_port_state
   use fem_port_pore, only: store_at
   use fem_elastic, only: fem_elastic_type, classical
   use fem_micropolar, only: lame_moduli, violated_inequality
-  use fem_port_stress, only: set_begun_stress
+  use fem_port_stress, only: set_begun_stress, set_element_stress, can_begin_elements
   use fem_mm_body, only: phi_columns
   use fem_model, only: fem_model_type, program_name
   use fem_sets, only: fem_sets_type
@@ -40,8 +41,7 @@ module fem_port_state
   character(len=*), parameter :: capabilities = can_report//','//can_prescribe//','//can_load// &
     ','//can_advance//','//can_force//','//can_kick_drift//','//can_reject//','// &
     can_checkpoint//','//can_rehearsal//','//can_springs//','//can_dead_load//','// &
-    can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor//','// &
-    can_places
+    can_initial_stress//','//can_quad_weight//','//can_moduli//','//can_mass_factor
 
 contains
 
@@ -51,9 +51,7 @@ contains
     call reply%put_text(field_program, program_name)
     call reply%put_text(field_version, version_text())
     call reply%put_text(field_deck_hash, model%deck%hash())
-    call reply%put_text(field_capabilities, capabilities//trim(merge(','//can_solve, '      ', &
-      model%analysis%solves))//trim(merge(','//can_pore, '     ', model%body%pore%active &
-      .and. .not. model%ranks%several())))
+    call reply%put_text(field_capabilities, capabilities//what_else(model))
     call reply%put_text(field_analysis, model%analysis%kind)
     call reply%put(field_gravity, model%body%loads%gravity)
     call reply%put(field_time, model%body%accepted%time)
@@ -61,6 +59,23 @@ contains
     call reply%put(field_step_limit, limit_told(model%body%limit%step))
     call reply%put_int(field_ranks, model%ranks%ranks)
   end subroutine reply_hello
+
+  !> Capabilities that not every body has, each after a comma.
+  pure function what_else(model) result(text)
+    type(fem_model_type), intent(in) :: model
+    character(len=:), allocatable :: text
+    text = ''
+    if (model%analysis%solves) text = ','//can_solve
+    if (can_move_nodes(model%body)) text = text//','//can_places
+    if (can_begin_elements(model%body)) text = text//','//can_element_stress
+    if (model%body%pore%active .and. .not. model%ranks%several()) text = text//','//can_pore
+  end function what_else
+
+  !> Can nodes be somewhere else at rest? Where laws have a state their elements must begin anew.
+  pure logical function can_move_nodes(body)
+    type(fem_body_type), intent(in) :: body
+    can_move_nodes = .not. body%matter%active .or. can_begin_elements(body)
+  end function can_move_nodes
 
   !> SET: springs, dead loads, initial stress, weights, moduli, mass factors.
   subroutine set_values(body, sets, request, errors)
@@ -71,7 +86,8 @@ contains
     character(len=:), allocatable :: what
 
     call request%get_text(field_what, what, errors)
-    if (body%matter%active .and. (what == what_moduli .or. what == what_places)) &
+    if (body%matter%active .and. (what == what_moduli .or. &
+                                  (what == what_places .and. .not. can_move_nodes(body)))) &
       call errors%add('P302', "talus-fem cannot set '"//what//"' where laws have a state", &
       request%place(), 'give the constants in the deck of the solid, or use linear laws')
     if (errors%any()) return
@@ -81,7 +97,9 @@ contains
     case (what_dead_load)
       call set_dead_load(body, sets, request, errors)
     case (what_initial_stress)
-      if (body%matter%active) then
+      if (request%has(field_element)) then
+        call set_element_stress(body, request, errors)
+      else if (body%matter%active) then
         call set_begun_stress(body, request, errors)
       else
         call set_initial(body, request, errors)

@@ -79,7 +79,7 @@ CAPABILITIES = (
     "report", "prescribe", "load", "surface", "border", "advance", "solve", "force",
     "kick_drift", "reject", "checkpoint", "rehearsal", "contact_weight", "mass_factor",
     "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli", "places",
-    "pore",
+    "element_stress", "pore",
 )
 
 # scopes of FORCE
@@ -114,6 +114,7 @@ class Field:
     COUPLE_STRESS = "couple_stress"
     DARCY = "darcy"
     DECK_HASH = "deck_hash"
+    DENSITY = "density"
     DRIFT = "drift"
     DT = "dt"
     EARLY = "early"
@@ -308,6 +309,8 @@ REQUESTS = {
     "SET quad_weight": (("value", "real", "(points)", "both", True),),
     "SET initial_stress": (
         ("value", "real", "(6 or 9, points)", "both", True),
+        ("element", "integer", "(given)", "both", False),
+        ("density", "real", "(given)", "both", False),
         ("couple", "real", "(9, points)", "both", False),
     ),
     "SET moduli": (

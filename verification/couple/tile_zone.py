@@ -46,10 +46,11 @@ def make_tile(case: Case) -> None:
     case.metric("the tile is made", float(made), 0.0, 0.0)
 
 
-def zone_opened(case: Case, name: str, friction: bool = True) -> dict:
+def zone_opened(case: Case, name: str, friction: bool = True, law: str = "") -> dict:
     """Run with the tile or without the tangential forces of its contacts; return what is judged.
 
-    The case's folder holds tile.h5 and still.h5 (see `make_bed`) and coupled.nml.
+    The case's folder holds tile.h5 and still.h5 (see `make_bed`) and coupled.nml. A law stands in
+    place of the elastic one in the deck of the solid, which then has the stress of the tile.
     """
     folder = case.folder / name
     folder.mkdir()
@@ -66,6 +67,8 @@ def zone_opened(case: Case, name: str, friction: bool = True) -> dict:
     for deck in ("coupled", "grains", "solid"):
         source = case.folder if deck == "coupled" else DECKS
         (folder / f"{deck}.nml").write_text((source / f"{deck}.nml").read_text())
+    if law:
+        put_law(folder / "solid.nml", law)
     case.run("talus-couple", f"{name}/coupled.nml")
     rows = read_history(folder / "coupled_conversions.csv")
     audit = read_history(folder / "coupled_audit.csv")
@@ -84,6 +87,17 @@ def zone_opened(case: Case, name: str, friction: bool = True) -> dict:
         "closure": np.abs(np.diff(energy)).max() / energy[-1],
         "momentum": rows["momentum"].max() / scale,
     } | contacts_of(case, last)  # fmt: skip
+
+
+def put_law(deck: Path, law: str) -> None:
+    """Give the deck of a solid a law with a state, and the tile's pressure as its stress."""
+    text = deck.read_text()
+    start, end = text.index("law = "), text.index(", density")
+    text = text[:start] + law + text[end:]
+    if "young" in law or "swelling_index" in law:
+        text = text.replace(", young = 4.0e7, poisson = 0.25", "")
+    row = ", ".join([f"{-STRESS}"] * 3 + ["0.0"] * 3)
+    deck.write_text(text + f"&initial_stress group = 'all', value = {row} /\n")
 
 
 def contacts_of(case: Case, last: object) -> dict:

@@ -42,7 +42,7 @@ contains
     call test%check('the sets are good', .not. errors%any())
     if (errors%any()) return
     call average_pack(o, contacts, points, average)
-    call extend_average(o, merge(down, 0.0_wp, slope > 0.0_wp), average)
+    call extend_average(o%cells, merge(down, 0.0_wp, slope > 0.0_wp), average)
     wanted = -force*(1.0_wp + slope*(0.5_wp*h))
     call test%check_close('stress under free grains', average%stress(9, 1), wanted, 1.0e-9_wp)
     call test%check_all_close('no shear', average%stress(:8, 1), 0.0_wp, 1.0e-14_wp)
