@@ -139,7 +139,7 @@ contains
     end do
   end subroutine add_contacts
 
-  !> Grains whose centre lies in the box around the elements, or as near to it as one of their radii.
+  !> Grains whose centre lies in the box around the elements, or a diameter beside it.
   subroutine find_grains(cells, near, pack_of, touched)
     type(cells_type), intent(in) :: cells
     logical, intent(in) :: near(:)

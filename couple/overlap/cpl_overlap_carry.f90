@@ -16,7 +16,8 @@ module cpl_overlap_carry
   public :: carried_type, carry_from, look_at_motion, hold_difference, any_closes
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
-  integer(i4), parameter :: was_bulk = 0, was_edge = 1, was_prescribed = 2
+  integer(i4), parameter :: was_bulk = 0, was_edge = 1, was_prescribed = 2, &
+    was_off = 3
 
   !> By the ids of the nodes.
   type :: carried_type
@@ -50,6 +51,7 @@ contains
     if (errors%any()) return
     call solid%reply%get(all_nodes//dot_force, carried%total, errors)
     call select_nodes(o, solid, [1_i8], timers, errors)
+    carried%was(o%sets%off) = was_off
     do k = 1, o%op%nodes
       a = o%op%node(k)
       carried%was(a) = merge(was_prescribed, was_edge, k <= o%op%prescribed)
@@ -135,7 +137,7 @@ contains
     end do
     do k = 1, o%op%nodes
       a = o%op%node(k)
-      if (closed(a) .and. k > o%op%prescribed .and. carried%was(a) == was_prescribed) then
+      if (closed(a) .and. k > o%op%prescribed .and. carried%was(a) >= was_prescribed) then
         f(:, k) = -o%forces%f(:, k) - o%forces%bulk(:, k)
       else if ((closed(a) .or. carried%stressed) .and. k <= o%op%prescribed) then
         f(:, k) = merge(carried%total(:, a), 0.0_wp, carried%was(a) == was_prescribed) &

@@ -173,6 +173,17 @@ def test_elements_with_a_state_are_born_at_rest(law: str, tmp_path: Path) -> Non
                   - audit["total_energy"][0]).max() < 1e-9 * audit["total_energy"][-1]  # fmt: skip
 
 
+def test_a_solid_with_a_stress_opens_at_rest(tmp_path: Path) -> None:
+    """Its stress before the start does not act on grains that wake: they have it, too."""
+    write_long(tmp_path, "")
+    yields(tmp_path, "drucker_prager")
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert read_history(tmp_path / "coupled_conversions.csv")["woken"].sum() >= 64
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    assert audit["grains_kinetic"].max() < 1e-18 * audit["grains_elastic"][-1]
+
+
 def test_elements_are_born_with_the_stress_of_their_grains(tmp_path: Path) -> None:
     """Of chains along z, where the law bears it; elements that never opened keep the deck's."""
     write_long(tmp_path)
