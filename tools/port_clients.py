@@ -63,12 +63,16 @@ def c_header(port: Port) -> str:
 
 
 WIDTH = 100  #: columns of a line
+SHORT = 80  #: characters of the entries of a table that stands in one line
 
 
 def py_table(name: str, doc: str, entries: list[tuple[str, object]]) -> list[str]:
     """Return a dictionary: texts one entry a line, numbers as many as fit."""
     lines = [f"# {doc}", f"{name} = {{"]
     if all(isinstance(value, int) for _, value in entries):
+        short = ", ".join(f'"{key}": {value}' for key, value in entries)
+        if len(short) < SHORT:
+            return [lines[0], f"{name} = {{{short}}}", ""]
         body = " ".join(f'"{key}":_{value},' for key, value in entries)
         return [*lines, *(f"    {line}" for line in wrapped(body)), "}", ""]
     for key, value in entries:

@@ -5,9 +5,9 @@ module cpl_bed
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
   use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_mass, &
-    field_moved, field_omega, field_pressure, field_radius, field_steps, field_stress, field_stretch, &
-    field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, field_what, field_x, &
-    what_asleep, what_grains, what_kind
+    field_moved, field_omega, field_pressure, field_radius, field_steps, field_stress, &
+    field_stretch, field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, &
+    field_what, field_x, what_asleep, what_grains, what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_cells, only: cells_type, spot_type

@@ -17,14 +17,10 @@ VERBS = {
 }
 
 # kinds of fields
-KINDS = {
-    "real": 1, "integer": 2, "text": 3,
-}
+KINDS = {"real": 1, "integer": 2, "text": 3}
 
 # status of a reply, and exit codes
-STATUS = {
-    "good": 0, "input": 1, "numerical": 2, "stopped": 3, "system": 4, "bug": 5,
-}
+STATUS = {"good": 0, "input": 1, "numerical": 2, "stopped": 3, "system": 4, "bug": 5}
 
 # kinds of elements and facets
 CELLS = {
@@ -33,9 +29,7 @@ CELLS = {
 }
 
 # health flags
-FLAGS = {
-    "late_rebuild": 1, "large_overlap": 2,
-}
+FLAGS = {"late_rebuild": 1, "large_overlap": 2}
 
 # words of the header, from 0
 HEADER = {

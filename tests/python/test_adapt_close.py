@@ -132,11 +132,11 @@ LAWS = {
     "drucker_prager": "young = 1.0e8, cohesion = 0.0, friction_deg = 30.0, dilation_deg = 5.0",
     "cam_clay": "critical_slope = 1.2, compression_index = 0.1, swelling_index = 0.004, "
                 "specific_volume = 1.9, poisson = 0.0, overconsolidation = 1.5",
-    "sanisand": "poisson = 0.05, void_ratio = 0.8, stiffness_number = 125.0, critical_slope = 1.25, "
-                "extension_ratio = 0.712, critical_void_ratio = 0.934, critical_line_slope = 0.019, "
-                "critical_line_exponent = 0.7, yield_opening = 0.01, plastic_hardening = 7.05, "
-                "hardening_void = 0.968, bounding_rate = 1.1, dilatancy = 0.704, "
-                "dilatancy_rate = 3.5, fabric_limit = 4.0, fabric_rate = 600.0",
+    "sanisand": "poisson = 0.05, void_ratio = 0.8, stiffness_number = 125.0, "
+                "critical_slope = 1.25, extension_ratio = 0.712, critical_void_ratio = 0.934, "
+                "critical_line_slope = 0.019, critical_line_exponent = 0.7, yield_opening = 0.01, "
+                "plastic_hardening = 7.05, hardening_void = 0.968, bounding_rate = 1.1, "
+                "dilatancy = 0.704, dilatancy_rate = 3.5, fabric_limit = 4.0, fabric_rate = 600.0",
     "breakage": "young = 1.0e8, critical_slope = 1.2, breakage_energy = 1.0e5, "
                 "breakage_angle_deg = 70.0, grading_index = 0.8, residual_pressure = 1.0e3",
 }  # fmt: skip
@@ -145,9 +145,10 @@ LAWS = {
 def yields(folder: Path, law: str) -> None:
     """Give the solid of a written column a law with a state, and the stress of the spheres."""
     deck = folder / "solid.nml"
-    text = deck.read_text().replace("young = 1.0e8, poisson = 0.0", f"law = '{law}', {LAWS[law]}"
-                                    + ("" if "poisson" in LAWS[law] else ", poisson = 0.0"))  # fmt: skip
-    deck.write_text(text + "&initial_stress group = 'all', value = -1.0e4, -1.0e4, -2.0e4, 0.0, 0.0, 0.0 /\n")
+    constants = LAWS[law] + ("" if "poisson" in LAWS[law] else ", poisson = 0.0")
+    text = deck.read_text().replace("young = 1.0e8, poisson = 0.0", f"law = '{law}', {constants}")
+    value = "-1.0e4, -1.0e4, -2.0e4, 0.0, 0.0, 0.0"
+    deck.write_text(text + f"&initial_stress group = 'all', value = {value} /\n")
 
 
 def love_weber() -> float:
@@ -157,10 +158,12 @@ def love_weber() -> float:
     return -4.0 * (4.0 / 3.0 * modulus * np.sqrt(radius) * overlap**1.5) / WIDE**2
 
 
+@pytest.mark.parametrize("rim", ["step", "free"])
 @pytest.mark.parametrize("law", LAWS)
-def test_elements_with_a_state_are_born_at_rest(law: str, tmp_path: Path) -> None:
+def test_elements_with_a_state_are_born_at_rest(law: str, rim: str, tmp_path: Path) -> None:
     """Nothing moves, whatever the law takes back of the spheres' stress along one axis alone."""
     write_long(tmp_path)
+    use_contacts(tmp_path, rim)
     yields(tmp_path, law)
     done = run(tmp_path)
     assert done.returncode == 0, done.stdout + done.stderr
