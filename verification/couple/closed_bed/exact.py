@@ -13,7 +13,7 @@ from talus.verification import Case, field_steps, read_history
 
 CASES = Path(talus.__file__).resolve().parents[2] / "verification"
 PLACE, REACH, BEHIND = 0.15, 0.12, 0.12  # of the bar, opened ahead, closed behind it [m]
-YOUNG, STEP, EXCHANGE = 5.0e5, 1.25e-5, 1.25e-4  # [Pa], [s], [s]
+YOUNG, STEP, EXCHANGE = 2.0e6, 1.25e-5, 1.25e-4  # [Pa], [s], [s]
 RUNS = {"stays": "", "closes": f", close_behind = {BEHIND}"}
 
 
