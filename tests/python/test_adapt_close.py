@@ -9,7 +9,8 @@ from test_adapt import run, use_contacts
 
 from talus.mesh import box, write_mesh
 from talus.packing import read_packing, write_h5
-from talus.verification import field_steps, read_history
+from talus.programs import find_program
+from talus.verification import field_steps, read_history, start_on_ranks
 
 CLOSING = ", close_behind = 2.0e-3"
 
@@ -228,6 +229,33 @@ def test_a_restart_of_a_law_with_a_state_has_the_same_bits(law: str, tmp_path: P
         assert done.returncode == 0, done.stdout
         for name, content in whole.items():
             assert (tmp_path / name).read_bytes() == content, (word, name)
+
+
+@pytest.mark.parametrize("side", ["grains", "solid"])
+def test_two_ranks_close_as_one(side: str, tmp_path: Path) -> None:
+    """The same bits on two ranks of the grains; on two of the solid sums have another order."""
+    write_long(tmp_path)
+    yields(tmp_path, "drucker_prager")
+    packing = read_packing(tmp_path / "packing.h5")
+    packing.v = 1e-3 * np.sin(1e3 * packing.x)
+    write_h5(tmp_path / "packing.h5", packing)
+    assert run(tmp_path).returncode == 0
+    names = ("coupled_audit.csv", "coupled_conversions.csv")
+    one = {name: (tmp_path / name).read_bytes() for name in names}
+    rows = read_history(tmp_path / "coupled_conversions.csv")
+    audit = read_history(tmp_path / "coupled_audit.csv")
+    program = "talus-dem" if side == "grains" else "talus-fem"
+    start_on_ranks(tmp_path / "coupled.nml", side, 2, find_program(program))
+    done = run(tmp_path)
+    assert done.returncode == 0, done.stdout + done.stderr
+    if side == "grains":
+        assert {name: (tmp_path / name).read_bytes() for name in names} == one
+        return
+    again = read_history(tmp_path / "coupled_conversions.csv")
+    assert np.array_equal(again["reborn"], rows["reborn"]) and rows["reborn"].sum() >= 6
+    assert np.abs(again["gap_yield"] - rows["gap_yield"]).max() < 1e-9
+    total = read_history(tmp_path / "coupled_audit.csv")["total_energy"]
+    assert np.abs(total - audit["total_energy"]).max() < 1e-9 * audit["total_energy"].max()
 
 
 def test_laws_of_finite_strain_stay_open(tmp_path: Path) -> None:
