@@ -43,7 +43,7 @@ module talus_port_names
   public :: can_load, can_surface, can_border, can_advance, can_solve, can_force, can_kick_drift
   public :: can_reject, can_checkpoint, can_rehearsal, can_contact_weight, can_mass_factor
   public :: can_population, can_springs, can_dead_load, can_initial_stress, can_quad_weight
-  public :: can_moduli, can_places, can_element_stress, can_pore
+  public :: can_moduli, can_impulse, can_places, can_element_stress, can_pore
 
   integer(i4), parameter :: protocol_version = 2
   integer(i4), parameter :: name_length = 48
@@ -209,8 +209,7 @@ module talus_port_names
   character(len=*), parameter :: dot_flow_work = '.flow_work'  !! grains pore, solid pore
   character(len=*), parameter :: dot_fluid_in = '.fluid_in'  !! grains pore, solid pore
   character(len=*), parameter :: dot_force = '.force'  !! grains prescribe and 8 more
-  !> grains prescribe, grains surface, solid prescribe
-  character(len=*), parameter :: dot_impulse = '.impulse'
+  character(len=*), parameter :: dot_impulse = '.impulse'  !! grains prescribe and 3 more
   character(len=*), parameter :: dot_load = '.load'  !! grains load, grains report
   character(len=*), parameter :: dot_mean_force = '.mean_force'  !! grains load
   character(len=*), parameter :: dot_mean_moment = '.mean_moment'  !! grains load
@@ -289,6 +288,8 @@ module talus_port_names
   character(len=*), parameter :: can_initial_stress = 'initial_stress'  !! SET initial_stress
   character(len=*), parameter :: can_quad_weight = 'quad_weight'  !! SET quad_weight
   character(len=*), parameter :: can_moduli = 'moduli'  !! SET moduli
+  !> impulses on sets of the role load in ADVANCE, and in KICK_DRIFT without kick and drift
+  character(len=*), parameter :: can_impulse = 'impulse'
   character(len=*), parameter :: can_places = 'places'  !! SET places
   !> SET initial_stress of some elements, within a run: their laws have a state
   character(len=*), parameter :: can_element_stress = 'element_stress'

@@ -134,6 +134,7 @@ enum talus_scalar {
 #define TALUS_CAN_INITIAL_STRESS "initial_stress"
 #define TALUS_CAN_QUAD_WEIGHT "quad_weight"
 #define TALUS_CAN_MODULI "moduli"
+#define TALUS_CAN_IMPULSE "impulse"
 #define TALUS_CAN_PLACES "places"
 #define TALUS_CAN_ELEMENT_STRESS "element_stress"
 #define TALUS_CAN_PORE "pore"

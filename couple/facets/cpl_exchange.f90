@@ -3,21 +3,22 @@ module cpl_exchange
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str
   use talus_errors, only: error_list_type
-  use talus_message, only: verb_advance, verb_solve, verb_accept, verb_reject, verb_select, verb_set
+  use talus_message, only: verb_advance, verb_solve, verb_accept, verb_reject, verb_select, &
+    verb_set, verb_kick_drift
   use talus_port_names, only: dot_a, dot_force, dot_impulse, dot_moment, dot_moment_impulse, &
     dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat, dot_u, dot_v, dot_work, dot_x, &
-    field_iterations, field_mass, field_node, field_node_phi, field_scalars, field_stiffness, &
-    field_stiffness_phi, field_substeps, field_trial, field_weight, field_weight_phi, field_what, &
-    what_springs
+    field_drift, field_iterations, field_kick, field_mass, field_node, field_node_phi, &
+    field_scalars, field_stiffness, field_stiffness_phi, field_substeps, field_trial, &
+    field_weight, field_weight_phi, field_what, what_springs
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
-    interface_springs
+    scheme_symmetric, interface_springs
   use cpl_interface, only: interface_type, select_ghosts, ghost_set, node_set, phi_set
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
   public :: exchange, set_springs, read_forces, read_motion, advance_grains, solve_solid
-  public :: automatic_springs, check_stiffness, lead
+  public :: automatic_springs, check_stiffness, lead, note_kicks
 
   real(wp), parameter :: raise = 1.5_wp           !! springs over contact stiffness
   integer(i8), parameter :: check_interval = 50_i8    !! exchanges between checks of the stiffness
@@ -53,10 +54,16 @@ contains
       call face%pieces%choose(face%ledger%lag, longer)
       face%motion%drift = longer*face%motion%drift
     end if
-    if (.not. automatic_springs(face, choices)) return
+    if (.not. (automatic_springs(face, choices) .or. face%kicks%active)) return
     if (mod(face%step, check_interval) == 0 .or. face%watch%outgrown > 0 .or. &
-        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) &
-      call check_stiffness(face, solvers, t1, .false., timers, errors)
+        maxval(abs(face%forces%p_end)) > growth*face%watch%force_at_check) then
+      if (face%kicks%active) then
+        call ask_stiffness(face, solvers(side_grains), t1, timers, errors)
+        call note_kicks(face)
+      else
+        call check_stiffness(face, solvers, t1, .false., timers, errors)
+      end if
+    end if
   end subroutine exchange
 
   !> After a fault nothing of it was accepted.
@@ -70,6 +77,8 @@ contains
 
     if (choices%scheme == scheme_state) then
       call step_with_state(face, solvers, t0, t1, timers, errors)
+    else if (choices%scheme == scheme_symmetric) then
+      call step_symmetric(face, solvers, t0, t1, timers, errors)
     else
       call step_with_mean(face, solvers, choices, t0, t1, timers, errors)
     end if
@@ -180,10 +189,12 @@ contains
   end function least_motion
 
   !> An implicit dynamic solid uses the mean of its loads at t0 and t1: to apply the mean force
-  !! of the interval, the load at t1 is twice the mean less the load at t0 (exact momentum).
+  !! of the interval, the load at t1 is twice the mean less the load at t0 (exact momentum). An
+  !! explicit one holds its loads over the interval.
   pure logical function use_midpoint(face)
     type(interface_type), intent(in) :: face
-    use_midpoint = face%dynamic .and. face%relax%method /= interface_springs
+    use_midpoint = face%dynamic .and. .not. face%explicit .and. &
+      face%relax%method /= interface_springs
   end function use_midpoint
 
   !> The solid steps with the force at t0, then the grains follow its motion. A dynamic solid takes
@@ -203,6 +214,70 @@ contains
     call face%follow_facets()
     call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
   end subroutine step_with_state
+
+  !> The solid gets half the impulse of the forces at t0 and goes to t1 by its own steps, the grains
+  !! follow its motion, and the rest of their impulse comes at t1. Loads that balance the forces of
+  !! the start come with the kicks: what is at rest is not kicked.
+  !! eq. C.56
+  subroutine step_symmetric(face, solvers, t0, t1, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(3, face%map%nodes) :: first, rest
+
+    face%ledger%iterations = 1
+    face%kicks%work = 0.0_wp
+    call face%transfer%to_nodes(face%forces%p_end, first)
+    first = 0.5_wp*(t1 - t0)*(first + face%start%dead_load)
+    call face%kicks%add_work(first, face%motion%v)
+    call kick_solid(face, solvers(side_solid), verb_advance, first, [t0, t1], timers, errors)
+    if (errors%any()) return
+    call face%follow_facets()
+    call advance_grains(face, solvers(side_grains), t0, t1, timers, errors)
+    if (errors%any()) return
+    call face%relax%force(face%forces%p_mean)
+    call face%transfer%to_nodes(face%forces%p_mean, rest)
+    rest = (t1 - t0)*(rest + face%start%dead_load) - first
+    call face%kicks%add_work(rest, face%motion%v_new)
+    call kick_solid(face, solvers(side_solid), verb_kick_drift, rest, [t1, t1], timers, errors)
+  end subroutine step_symmetric
+
+  !> ADVANCE after a kick of the interface nodes, or KICK_DRIFT for the kick alone.
+  subroutine kick_solid(face, solid, verb, push, span, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    integer(i4), intent(in) :: verb
+    real(wp), intent(in) :: push(:, :)  !! (3, nodes) [N s]
+    real(wp), intent(in) :: span(2)     !! from and to [s]
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+
+    call solid%start_request(verb, face%step, span(1), span(2))
+    call solid%request%put(node_set//dot_impulse, push)
+    if (verb == verb_kick_drift) then
+      call solid%request%put(field_kick, 0.0_wp)
+      call solid%request%put(field_drift, 0.0_wp)
+    end if
+    call solid%ask(timers, errors)
+    if (errors%any()) return
+    call read_solid(face, solid, errors)
+    if (verb == verb_advance) call solid%reply%get_int(field_substeps, face%kicks%substeps, errors)
+    call solid%reply%all_read(errors)
+    if (.not. errors%any()) call check_motion(face, span(1), span(2), errors)
+  end subroutine kick_solid
+
+  !> N407: a displacement is no number.
+  subroutine check_motion(face, t0, t1, errors)
+    type(interface_type), intent(in) :: face
+    real(wp), intent(in) :: t0, t1
+    type(error_list_type), intent(inout) :: errors
+    if (face%finite()) return
+    call errors%add('N407', 'a displacement of the interface is no number', &
+                    'exchange from '//str(t0)//' s to '//str(t1)//' s', &
+                    'check the log of the solid')
+  end subroutine check_motion
 
   !> ADVANCE: ghosts go to d_new in a straight line; mean and end forces come back.
   subroutine advance_grains(face, grains, t0, t1, timers, errors)
@@ -254,7 +329,7 @@ contains
     if (face%transfer%rows > 3) p(4:, :) = part
   end subroutine read_forces
 
-  !> SOLVE with N'P; the springs are laid at w_spring.
+  !> SOLVE, of an explicit solid ADVANCE, with N'P; the springs are laid at w_spring.
   subroutine solve_solid(face, solid, trial, t0, t1, timers, errors)
     type(interface_type), intent(inout) :: face
     type(cpl_solver_type), intent(inout) :: solid
@@ -275,21 +350,22 @@ contains
       call face%springs%force(face%motion%w_spring - face%motion%u, pull)
       nodal = nodal + pull
     end if
-    call solid%start_request(verb_solve, face%step, t0, t1)
+    call solid%start_request(merge(verb_advance, verb_solve, face%explicit), face%step, t0, t1)
     call solid%request%put(node_set//dot_force, nodal(:, :face%map%nodes))
     if (face%transfer%blocks > face%map%nodes) &
       call solid%request%put(phi_set//dot_moment, nodal(:, face%map%nodes + 1:))
-    call solid%request%put_int(field_trial, trial)
+    if (.not. face%explicit) call solid%request%put_int(field_trial, trial)
     call face%pore%put_solid(solid%request)
     call solid%ask(timers, errors)
     if (errors%any()) return
     call read_solid(face, solid, errors)
-    call solid%reply%get_int(field_iterations, iterations, errors)
+    if (face%explicit) then
+      call solid%reply%get_int(field_substeps, face%kicks%substeps, errors)
+    else
+      call solid%reply%get_int(field_iterations, iterations, errors)
+    end if
     if (.not. allocated(face%start%start_load)) call solid%reply%all_read(errors)
-    if (errors%any() .or. face%finite()) return
-    call errors%add('N407', 'a displacement of the interface is no number', &
-                    'exchange from '//str(t0)//' s to '//str(t1)//' s', &
-                    'check the log of the solid')
+    if (.not. errors%any()) call check_motion(face, t0, t1, errors)
   end subroutine solve_solid
 
   !> Motion of the interface nodes and scalars from a reply of the solid.
@@ -358,20 +434,9 @@ contains
     logical, intent(in) :: at_once
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: mass(face%map%ghosts), stiffness(face%map%ghosts)
 
-    associate (grains => solvers(side_grains))
-      call grains%start_request(verb_select, face%step, time, time)
-      call select_ghosts(face, grains%request)
-      call grains%ask(timers, errors)
-      if (errors%any()) return
-      call grains%reply%get(field_mass, mass, errors)
-      call grains%reply%get(field_stiffness, stiffness, errors)
-      call grains%reply%all_read(errors)
-    end associate
+    call ask_stiffness(face, solvers(side_grains), time, timers, errors)
     if (errors%any()) return
-    call face%watch%note_stiffness(stiffness)
-    call face%watch%note_force(face%forces%p_end)
     if (face%watch%contact_stiffness <= face%springs%stiffness) then
       face%watch%outgrown = 0
       return
@@ -385,6 +450,38 @@ contains
     face%watch%refactored = face%watch%refactored + 1
     call set_springs(face, solvers(side_solid), time, timers, errors)
   end subroutine check_stiffness
+
+  !> How stiff are the ghosts' contacts now?
+  subroutine ask_stiffness(face, grains, time, timers, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp), intent(in) :: time  !! s
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: mass(face%map%ghosts), stiffness(face%map%ghosts)
+
+    call grains%start_request(verb_select, face%step, time, time)
+    call select_ghosts(face, grains%request)
+    call grains%ask(timers, errors)
+    if (errors%any()) return
+    call grains%reply%get(field_mass, mass, errors)
+    call grains%reply%get(field_stiffness, stiffness, errors)
+    call grains%reply%all_read(errors)
+    if (errors%any()) return
+    call face%watch%note_stiffness(stiffness)
+    call face%watch%note_force(face%forces%p_end)
+  end subroutine ask_stiffness
+
+  !> Stiffness of the contacts at the nodes, by which kicks are limited.
+  subroutine note_kicks(face)
+    type(interface_type), intent(inout) :: face
+    real(wp) :: p(face%transfer%rows, face%map%ghosts), nodal(3, face%transfer%blocks)
+    if (.not. allocated(face%watch%stiffness)) return
+    p = 0.0_wp
+    p(1, :) = face%watch%stiffness
+    call face%transfer%to_nodes(p, nodal)
+    call face%kicks%note_rate(nodal(1, :))
+  end subroutine note_kicks
 
   !> Put the springs on the facets of the solid.
   subroutine set_springs(face, solid, time, timers, errors)

@@ -34,6 +34,9 @@ contains
     call log%item('solid', trim(merge('dynamic', 'static ', face%dynamic)))
     call log%item('exchanges', str(choices%exchanges), 'of '//short_number(choices%exchange)// &
                   ' s, scheme '//choices%scheme_name//', interface '//choices%interface_name)
+    if (face%kicks%active) call log%item('stable exchange', &
+      short_number(face%kicks%limit(choices%exchange))//' s', &
+      'at most that of the deck; contacts of now')
     if (face%pieces%most > 1) call log%item('pieces', str(face%pieces%most), &
       'of an exchange at most, as the force lag asks for')
     if (face%dynamic .and. face%relax%method == interface_springs) &
@@ -104,6 +107,7 @@ contains
     call summary%set('health.lost_moment_impulse_Nms', face%ledger%lost_impulse)
     call summary%set('health.max_overlap', face%ledger%grains(scalar_max_overlap))
     call summary%set('interface.spring_stiffness_N_per_m', face%springs%stiffness)
+    if (face%kicks%active) call summary%set('interface.stable_exchange_s', face%kicks%shortest)
     call summary%set('interface.work_on_grains_J', face%ledger%grains_work)
     call summary%set('interface.work_on_solid_J', face%ledger%solid_work)
     call summary%set('interface.largest_ghost_displacement_m', audit%ghost_motion)

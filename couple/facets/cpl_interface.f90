@@ -9,6 +9,7 @@ module cpl_interface
   use cpl_facet_map, only: facet_map_type
   use cpl_interface_state, only: interface_place_type, interface_start_type, &
     interface_motion_type, interface_forces_type, interface_watch_type, interface_ledger_type
+  use cpl_kicks, only: kicks_type
   use cpl_pieces, only: pieces_type
   use cpl_pore, only: pore_link_type
   use cpl_relax, only: relax_type
@@ -35,6 +36,8 @@ module cpl_interface
     type(relax_type) :: relax
     type(pieces_type) :: pieces               !! of an exchange
     logical :: dynamic = .false.             !! the solid has inertia
+    logical :: explicit = .false.            !! and steps explicitly
+    type(kicks_type) :: kicks                 !! of an explicit solid
     integer(i8) :: step = 0                  !! accepted exchanges
     type(interface_place_type) :: place
     type(interface_start_type) :: start
@@ -265,6 +268,8 @@ contains
     call self%force_lag(self%ledger%lag)
     call self%transfer%to_nodes(self%relax%held, nodal)
     work = sum(nodal*(self%motion%u_new - self%motion%u))
+    if (self%kicks%active) work = self%kicks%work &
+      - sum(self%start%dead_load*(self%motion%u_new - self%motion%u))
     self%ledger%solid_work = self%ledger%solid_work + work
     self%ledger%grains_work = self%ledger%grains_work + self%ledger%step_work
     self%ledger%work_turnover = self%ledger%work_turnover + max(abs(work), &

@@ -68,7 +68,8 @@ module cpl_interface_state
     integer(i4) :: outgrown = 0              !! checks at which contacts were stiffer than the
                                              !! springs
     integer(i4) :: refactored = 0            !! times the springs were raised
-    real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost at the last check [N/m]
+    real(wp), allocatable :: stiffness(:)    !! of the ghosts' contacts at the last check (g) [N/m]
+    real(wp) :: contact_stiffness = 0.0_wp   !! largest of a ghost then [N/m]
     real(wp) :: force_at_check = 0.0_wp       !! largest force on a ghost then [N]
   contains
     procedure :: note_stiffness
@@ -120,10 +121,11 @@ contains
     if (size(self%p_mean, 1) > 3) self%p_mean(4:, :) = self%m_mean
   end subroutine average
 
-  !> Stiffness of the ghosts' contacts: the largest is kept.
+  !> Stiffness of the ghosts' contacts.
   pure subroutine note_stiffness(self, stiffness)
     class(interface_watch_type), intent(inout) :: self
     real(wp), intent(in) :: stiffness(:)  !! (g) [N/m]
+    self%stiffness = stiffness
     self%contact_stiffness = maxval(stiffness)
   end subroutine note_stiffness
 

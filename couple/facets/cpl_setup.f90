@@ -4,13 +4,14 @@ module cpl_setup
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: verb_select, verb_set, verb_ready
-  use talus_port_names, only: field_a, field_connectivity, field_force, field_id, field_moment, &
-    field_phi, field_polar, field_quat, field_radius, field_rehearsal, field_scalars, field_set, &
-    field_stiffness, field_u, field_v, field_what, field_x, role_load, what_dead_load, &
-    what_facets, what_grains, what_group, what_mesh
+  use talus_port_names, only: field_a, field_connectivity, field_force, field_held, field_id, &
+    field_mass, field_moment, field_phi, field_polar, field_quat, field_radius, field_rehearsal, &
+    field_scalars, field_set, field_stiffness, field_u, field_v, field_what, field_x, &
+    role_load, what_dead_load, what_facets, what_grains, what_group, what_mesh
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, interface_springs, rotation_micro
-  use cpl_exchange, only: set_springs, read_forces, read_motion
+  use talus_log, only: short_number
+  use cpl_exchange, only: note_kicks, set_springs, read_forces, read_motion
   use cpl_interface, only: interface_type, select_ghosts, node_set, phi_set
   use cpl_start, only: put_reference
   use cpl_shapes, only: corner_count, node_count
@@ -223,8 +224,38 @@ contains
       call select_rotations(face, solvers(side_solid), timers, errors)
     if (errors%any()) return
     call solvers(side_grains)%reply%get(field_stiffness, stiffness, errors)
-    if (.not. errors%any()) call face%watch%note_stiffness(stiffness)
+    if (errors%any()) return
+    call face%watch%note_stiffness(stiffness)
+    if (face%kicks%active) call take_masses(face, solvers(side_solid), errors)
   end subroutine select_sets
+
+  !> Masses and supports of the interface nodes from the solid's reply to SELECT.
+  subroutine take_masses(face, solid, errors)
+    type(interface_type), intent(inout) :: face
+    type(cpl_solver_type), intent(inout) :: solid
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: held(3, face%map%nodes)
+    allocate (face%kicks%mass(face%map%nodes))
+    call solid%reply%get(field_mass, face%kicks%mass, errors)
+    call solid%reply%get_int(field_held, held, errors)
+    face%kicks%held = held == 1
+    face%kicks%step_limit = solid%step_limit
+  end subroutine take_masses
+
+  !> D424: kicks of an exchange so long make the interface nodes unstable, whatever is behind them.
+  subroutine check_exchange(face, exchange, errors)
+    type(interface_type), intent(inout) :: face
+    real(wp), intent(in) :: exchange  !! [s]
+    type(error_list_type), intent(inout) :: errors
+    real(wp), parameter :: most = 4.0_wp
+    call note_kicks(face)
+    if (face%kicks%rate*exchange**2 <= most) return
+    call errors%add('D424', 'an exchange of '//str(exchange)//' s is too long for the contacts '// &
+                    'of the ghosts, '//short_number(face%watch%contact_stiffness)//' N/m at '// &
+                    'most: it may be '//short_number(face%kicks%limit(exchange))//' s', &
+                    '&clock exchange', &
+                    "shorten it, or write scheme = 'iterated'")
+  end subroutine check_exchange
 
   !> SELECT the micro-rotations of the interface nodes.
   subroutine select_rotations(face, solid, timers, errors)
@@ -252,6 +283,8 @@ contains
     logical :: rehearsal
 
     rehearsal = choices%relaxed .and. .not. again
+    if (face%kicks%active) call check_exchange(face, choices%exchange, errors)
+    if (errors%any()) return
     if (.not. again) call ready(solvers(side_solid), .true., face%step, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), rehearsal, face%step, timers, errors)
@@ -278,8 +311,8 @@ contains
     end if
     if (face%springs%n > 0) &
       call set_springs(face, solvers(side_solid), solvers(side_solid)%time, timers, errors)
-    if (any(abs(face%start%dead_load) > 0.0_wp) .and. .not. errors%any()) &
-      call put_dead_load(face, solvers(side_solid), timers, errors)
+    if (any(abs(face%start%dead_load) > 0.0_wp) .and. .not. (errors%any() .or. face%kicks%active)) &
+      call put_dead_load(face, solvers(side_solid), timers, errors)  ! else in the kicks
     if (again .and. choices%relaxed .and. .not. errors%any()) &
       call put_reference(face, solvers(side_solid), timers, errors)
     if (errors%any()) return

@@ -10,7 +10,7 @@ module cpl_facet_method
   use talus_summary, only: summary_type
   use cpl_audit, only: audit_type, audit_columns
   use cpl_audit_file, only: audit_file_type
-  use cpl_choices, only: rotation_fixed
+  use cpl_choices, only: rotation_fixed, scheme_symmetric
   use cpl_exchange, only: exchange
   use cpl_facet_log, only: log_interface, log_row, log_health, put_summary
   use cpl_interface, only: interface_type
@@ -67,6 +67,8 @@ contains
     real(wp) :: time
 
     self%face%dynamic = run%dynamic
+    self%face%explicit = run%solvers(2)%analysis == 'explicit'
+    self%face%kicks%active = run%choices%scheme == scheme_symmetric
     call self%face%pieces%begin(run%choices%pieces)
     associate (choices => run%choices, solvers => run%solvers)
       if (run%again) then
@@ -173,6 +175,8 @@ contains
         run%choices%exchange)
       call run%log%warn('time '//short_number(t1)//' s: '//text)
     end if
+    text = self%face%kicks%warning(run%choices%exchange)
+    if (len(text) > 0) call run%log%warn(text)
     call run%timers%stop('audit and log')
   end subroutine after
 

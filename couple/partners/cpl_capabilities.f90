@@ -5,11 +5,12 @@ module cpl_capabilities
   use talus_text, only: string_type, append_string
   use talus_errors, only: error_list_type
   use talus_log, only: log_type
-  use talus_port_names, only: can_advance, can_dead_load, can_force, can_kick_drift, can_load, &
+  use talus_port_names, only: can_advance, can_dead_load, can_force, can_impulse, &
+    can_kick_drift, can_load, &
     can_pore, can_prescribe, can_rehearsal, can_reject, can_report, can_solve, can_springs, &
     can_surface
   use talus_version, only: version_text
-  use cpl_choices, only: cpl_choices_type, interface_springs, scheme_iterated
+  use cpl_choices, only: cpl_choices_type, interface_springs, scheme_iterated, scheme_symmetric
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -37,7 +38,7 @@ contains
       if (choices%overlap%given) then
         call needs_of_overlap(side, choices, needed)
       else
-        call needs_of_facets(side, choices, needed)
+        call needs_of_facets(side, choices, solvers(side_solid)%analysis == 'explicit', needed)
       end if
       do k = 1, size(needed)
         if (.not. solvers(side)%can(needed(k)%s)) &
@@ -49,9 +50,10 @@ contains
   end subroutine check_capabilities
 
   !> Capabilities for &facets.
-  subroutine needs_of_facets(side, choices, needed)
+  subroutine needs_of_facets(side, choices, explicit, needed)
     integer(i4), intent(in) :: side  !! side_grains or side_solid
     type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: explicit  !! the solid steps explicitly
     type(string_type), allocatable, intent(out) :: needed(:)
 
     allocate (needed(0))
@@ -67,7 +69,12 @@ contains
       end if
     else
       call append_string(needed, can_load)
-      call append_string(needed, can_solve)
+      if (.not. explicit) call append_string(needed, can_solve)
+      if (explicit) call append_string(needed, can_advance)
+      if (choices%scheme == scheme_symmetric) then
+        call append_string(needed, can_kick_drift)
+        call append_string(needed, can_impulse)
+      end if
       call append_string(needed, can_rehearsal)
       if (choices%interface == interface_springs) call append_string(needed, can_springs)
       if (choices%dead_load) call append_string(needed, can_dead_load)

@@ -12,11 +12,12 @@ module cpl_choices
   implicit none
   private
   public :: cpl_choices_type, read_choices, read_solvers, method_name
-  public :: scheme_average, scheme_iterated, scheme_state
+  public :: scheme_average, scheme_iterated, scheme_state, scheme_symmetric
   public :: interface_springs, interface_theta, interface_aitken, interface_none
   public :: rotation_fixed, rotation_curl, rotation_micro
 
-  integer(i4), parameter :: scheme_average = 1, scheme_iterated = 2, scheme_state = 3
+  integer(i4), parameter :: scheme_average = 1, scheme_iterated = 2, scheme_state = 3, &
+    scheme_symmetric = 4
   integer(i4), parameter :: interface_springs = 1, interface_theta = 2, interface_aitken = 3, &
     interface_none = 4
   integer(i4), parameter :: rotation_fixed = 0, rotation_curl = 1, rotation_micro = 2
@@ -130,6 +131,8 @@ contains
       choices%scheme = scheme_iterated
     case ('state_at_n')
       choices%scheme = scheme_state
+    case ('symmetric')
+      choices%scheme = scheme_symmetric
     case default
       choices%scheme = scheme_average
     end select

@@ -89,8 +89,8 @@ contains
       call deck%fault(errors, 'D453', 'grains that touch a surface have no side of a grid on it', &
                       'facets', 1, 'surface', 'take ghosts')
     call deck%get('clock', 1, 'scheme', word)
-    if (word == 'state_at_n') &
-      call deck%fault(errors, 'D453', "with scheme = 'state_at_n' the solid steps before the "// &
+    if (word == 'state_at_n' .or. word == 'symmetric') &
+      call deck%fault(errors, 'D453', "with scheme = '"//word//"' the solid steps before the "// &
                       'liquid has come', 'clock', 1, 'scheme', "take 'average' or 'iterated'")
     call deck%get('facets', 1, 'initial', word)
     if (word == 'relax') &

@@ -151,10 +151,13 @@ contains
       '`''average''`: the grains run the interval, the solid is loaded with the mean ' &
       //'force. `''iterated''`: the same, repeated until the mean force settles. ' &
       //'`''state_at_n''`: the solid steps with the force at the start of the interval, ' &
-      //'then the grains follow its motion.')
+      //'then the grains follow its motion. `''symmetric''`, of explicit solids: half the ' &
+      //'impulse of the interval at its start, the solid steps, the grains follow its ' &
+      //'motion, the rest of their impulse at its end.')
     call table%preset('average')
-    call table%allow('average|iterated|state_at_n')
+    call table%allow('average|iterated|state_at_n|symmetric')
     call table%choice_with('state_at_n', 'facets.interface', 'none')
+    call table%choice_with('symmetric', 'facets.interface', 'none')
     call table%add_key('pieces', 'integer', '', &
       'Most pieces into which an exchange of facets with a static solid is divided ' &
       //'while the force lag is above 2 %: the number is a divisor of this one, as small ' &

@@ -6,7 +6,7 @@ module fem_port_state
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, name_length
   use talus_port_names, only: can_advance, can_checkpoint, can_dead_load, can_element_stress, &
-    can_force, &
+    can_force, can_impulse, &
     can_initial_stress, can_kick_drift, can_load, can_mass_factor, can_moduli, can_places, &
     can_pore, can_prescribe, can_quad_weight, can_rehearsal, can_reject, can_report, can_solve, &
     can_springs, field_analysis, field_capabilities, field_couple, field_deck_hash, &
@@ -64,7 +64,7 @@ contains
   pure function what_else(model) result(text)
     type(fem_model_type), intent(in) :: model
     character(len=:), allocatable :: text
-    text = ''
+    text = ','//can_impulse
     if (model%analysis%solves) text = ','//can_solve
     if (can_move_nodes(model%body)) text = text//','//can_places
     if (can_begin_elements(model%body)) text = text//','//can_element_stress

@@ -9,6 +9,7 @@ module fem_port_step
   use talus_serve, only: take_brief
   use fem_central, only: explicit_energy
   use fem_explicit, only: kick_lumped
+  use fem_interval, only: begin_interval, give_impulse, check_impulse
   use fem_sparse, only: multiply
   use fem_body, only: fem_body_type, fem_kept_type
   use fem_types, only: role_prescribe, role_load
@@ -50,21 +51,25 @@ contains
     call put_scalars(model%body, reply)
   end subroutine solve
 
-  !> Own steps to t1 (one if the deck gives no dt); impulses and work on prescribed sets. The
-  !! accepted state stays as it was, so that REJECT finds it.
+  !> Own steps to t1 (one if the deck gives no dt) under loads that are held from t0 on, and after
+  !! impulses at t0; impulses and work on prescribed sets. The accepted state stays as it was, so
+  !! that REJECT finds it.
   subroutine advance(model, sets, request, reply, errors)
     type(fem_model_type), intent(inout) :: model
     type(fem_sets_type), intent(in) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: start_u(:, :), end_u(:, :), impulse(:, :), work(:), before(:, :), &
-      moved(:, :)
+      moved(:, :), push(:, :)
     type(fem_kept_type) :: kept
     real(wp) :: t0, share, dt
     integer(i4) :: k, n
+    logical :: pushed
 
     call sets%take_loads(model%body, request, errors)
+    call sets%take_impulses(model%body, request, pushed, push, errors)
     allocate (start_u, source=model%body%accepted%u)
+    if (pushed) call check_impulse(model%body, push, request%place(), errors)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
     if (errors%any()) return
@@ -78,6 +83,7 @@ contains
     allocate (before, moved, mold=start_u)
     associate (body => model%body)
       call body%keep(kept)
+      if (body%scheme%explicit) call begin_interval(body, push)
       start: do k = 1, n
         share = real(k, wp)/real(n, wp)
         call body%port%move_along(start_u, end_u, share)
@@ -251,9 +257,9 @@ contains
     type(fem_sets_type), intent(inout) :: sets
     type(message_type), intent(inout) :: request, reply
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: f(:, :), internal(:, :), external(:, :)
+    real(wp), allocatable :: f(:, :), internal(:, :), external(:, :), push(:, :)
     real(wp) :: kick, drift
-    logical :: brief
+    logical :: brief, pushed
     integer(i4) :: i
 
     kick = 0.0_wp
@@ -261,6 +267,11 @@ contains
     call request%get(field_kick, kick, errors)
     call request%get(field_drift, drift, errors)
     call take_brief(request, brief, errors)
+    call sets%take_impulses(model%body, request, pushed, push, errors)
+    if (pushed) then
+      call push_alone(model%body, sets, push, max(kick, drift) > 0.0_wp, request, reply, errors)
+      return
+    end if
     call sets%take_loads(model%body, request, errors)
     call sets%take_motion(model%body, request, errors)
     call request%all_read(errors)
@@ -299,4 +310,22 @@ contains
       call put_scalars(body, reply)
     end associate
   end subroutine kick_drift
+  !> KICK_DRIFT with impulses: they act on the state as it is, at once, and nothing else does.
+  subroutine push_alone(body, sets, push, moves, request, reply, errors)
+    type(fem_body_type), intent(inout) :: body
+    type(fem_sets_type), intent(in) :: sets
+    real(wp), intent(in) :: push(:, :)  !! (3, blocks) [N s]
+    logical, intent(in) :: moves        !! the request has a kick or a drift, too
+    type(message_type), intent(inout) :: request, reply
+    type(error_list_type), intent(inout) :: errors
+
+    call request%all_read(errors)
+    call check_impulse(body, push, request%place(), errors)
+    if (moves) call errors%add('P302', 'impulses come in a KICK_DRIFT of their own', &
+                               request%place(), 'send kick = drift = 0 with them')
+    if (errors%any()) return
+    call give_impulse(body, push, body%state%v, body%energy)
+    call sets%put_states(body, reply)
+    call put_scalars(body, reply)
+  end subroutine push_alone
 end module fem_port_step

@@ -4,9 +4,9 @@ module fem_sets
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_port_names, only: dot_a, dot_force, dot_moment, dot_phi, dot_phi_acceleration, &
-    dot_phi_rate, dot_reaction, dot_reaction_moment, dot_u, dot_v, field_phi, field_u, &
-    role_name, role_number, role_pore
+  use talus_port_names, only: dot_a, dot_force, dot_impulse, dot_moment, dot_phi, &
+    dot_phi_acceleration, dot_phi_rate, dot_reaction, dot_reaction_moment, dot_u, dot_v, &
+    field_phi, field_u, role_name, role_number, role_pore
   use fem_types, only: fem_set_type, role_report, role_prescribe, role_load, name_length
   use fem_body, only: fem_body_type
   use fem_edge, only: fem_edge_type
@@ -33,6 +33,7 @@ module fem_sets
     procedure :: put_parts
     procedure :: whole_force
     procedure :: take_loads
+    procedure :: take_impulses
     procedure :: take_motion
     procedure :: take_speeds
     procedure :: put_states
@@ -306,6 +307,35 @@ contains
       end do
     end subroutine add
   end subroutine take_loads
+
+  !> Impulses of all load sets in a request [N s]; `given` where there are any.
+  subroutine take_impulses(self, body, request, given, push, errors)
+    class(fem_sets_type), intent(in) :: self
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: request
+    logical, intent(out) :: given
+    real(wp), allocatable, intent(out) :: push(:, :)  !! (3, blocks), where there are any
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: value(:, :)
+    integer(i4) :: k, j
+
+    given = .false.
+    do k = 1, self%n
+      associate (set => self%set(k))
+        if (set%role /= role_load .or. .not. set%moves) cycle
+        if (.not. request%has(trim(set%name)//dot_impulse)) cycle
+        if (.not. given) allocate (push(3, body%dofs%blocks), source=0.0_wp)
+        given = .true.
+        allocate (value(3, size(set%node)))
+        call request%get(trim(set%name)//dot_impulse, value, errors)
+        if (errors%any()) return
+        do j = 1, size(set%node)
+          push(:, set%node(j)) = push(:, set%node(j)) + value(:, j)
+        end do
+        deallocate (value)
+      end associate
+    end do
+  end subroutine take_impulses
 
   !> Prescribed displacements and micro-rotations of all prescribe sets in a request, and
   !! velocities.

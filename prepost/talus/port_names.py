@@ -72,8 +72,8 @@ ROLES = (
 CAPABILITIES = (
     "report", "prescribe", "load", "surface", "border", "advance", "solve", "force",
     "kick_drift", "reject", "checkpoint", "rehearsal", "contact_weight", "mass_factor",
-    "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli", "places",
-    "element_stress", "pore",
+    "population", "springs", "dead_load", "initial_stress", "quad_weight", "moduli", "impulse",
+    "places", "element_stress", "pore",
 )
 
 # scopes of FORCE
@@ -499,6 +499,7 @@ SET_REQUESTS = {
     "solid load": (
         ("force", "real", "(3, set)", "both", False),
         ("moment", "real", "(3, set)", "both", False),
+        ("impulse", "real", "(3, set)", "both", False),
     ),
     "solid report": (),
     "grains pore": (

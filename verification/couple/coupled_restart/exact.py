@@ -19,6 +19,8 @@ def run(case: Case) -> None:
         ("newmark", "state_at_n", "none", "", ""),
         ("static", "average", "springs", ", rotation = 'curl', spread = 4.0e-3", ""),
         ("static", "average", "springs", ", initial = 'relax', relax_exchanges = 150", ""),
+        ("explicit", "symmetric", "none", "", ""),
+        ("explicit", "iterated", "aitken", "", ""),
         ("newmark", "average", "none", "", "neo_hookean"),
         ("newmark", "iterated", "aitken", "", "neo_hookean"),
         ("static", "average", "springs", "", "drucker_prager"),

@@ -13,7 +13,8 @@ program test_fem_port
     verb_reject, verb_checkpoint, verb_write, verb_stop, verb_abort
   use talus_options, only: options_type
   use talus_partner, only: own_pid
-  use talus_scalars, only: scalar_count, scalar_kinetic, scalar_elastic
+  use talus_scalars, only: scalar_boundary, scalar_count, scalar_elastic, scalar_kinetic, &
+    scalar_momentum
   use talus_port_fixture, only: port_test_type, asked_to_serve
   use fem_model, only: fem_model_type
   use talus_ranks, only: leave_ranks
@@ -21,6 +22,10 @@ program test_fem_port
   implicit none
 
   character(len=*), parameter :: nl = new_line('a')
+  character(len=*), parameter :: plain = '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
+    "&mesh file = 'mesh.h5' /"//nl// &
+    "&material id = 'm', density = 3.0, young = 1000.0, poisson = 0.0 /"//nl// &
+    "&section group = 'all', material = 'm' /"//nl//"&support group = 'all', fix = 'x', 'y' /"//nl
   integer(i8), parameter :: top(4) = [21_i8, 22_i8, 23_i8, 24_i8]
   integer(i8), parameter :: middle(4) = [9_i8, 10_i8, 11_i8, 12_i8]
   real(wp), parameter :: k_top = 200.0_wp, k_spring = 600.0_wp
@@ -47,6 +52,7 @@ program test_fem_port
     call go_on()
     call prescribed()
     call matter()
+    call explicit_interval()
     call micromorphic()
     call execute_command_line('rm -rf '//folder)
     call test%finish()
@@ -94,12 +100,9 @@ contains
     call file%group('/node_groups', errors)
     call file%put('/node_groups/base', [0, 1, 2, 3], errors)
     call file%commit(errors)
-    call replace_file(folder//'/deck.nml', '&run gravity = 0.0, 0.0, 0.0 /'//nl// &
-      "&mesh file = 'mesh.h5' /"//nl// &
-      "&material id = 'm', density = 3.0, young = 1000.0, poisson = 0.0 /"//nl// &
-      "&section group = 'all', material = 'm' /"//nl//"&support group = 'all', fix = 'x', 'y' /"// &
-      nl//"&support group = 'base', fix = 'z' /"//nl//"&analysis kind = 'static', dt = 0.25 /"// &
-      nl//'&history every_time = 1.0 /'//nl//'&output every_time = 1.0 /'//nl, errors)
+    call replace_file(folder//'/deck.nml', plain//"&support group = 'base', fix = 'z' /"//nl// &
+      "&analysis kind = 'static', dt = 0.25 /"//nl//'&history every_time = 1.0 /'//nl// &
+      '&output every_time = 1.0 /'//nl, errors)
     call test%check('input is written', .not. errors%any())
     if (errors%any()) call errors%print(0)
   end subroutine make_input
@@ -382,6 +385,55 @@ contains
     call test%check('ADVANCE without faults', .not. errors%any())
     call scopes()
   end subroutine prescribed
+
+  !> An explicit column, free to move along z: a held load and impulses give their momentum at once
+  !! and exactly, wherever an interval begins; impulses work, and REJECT takes them back.
+  subroutine explicit_interval()
+    real(wp), parameter :: span = 0.07_wp, push(3, 4) = spread([0.0_wp, 0.0_wp, 0.25_wp], 2, 4)
+    real(wp) :: scalars(scalar_count), before(scalar_count), v(3, 4)
+    integer(i4) :: k
+
+    call replace_file(folder//'/deck.nml', plain//"&analysis kind = 'explicit' /"//nl, errors)
+    call start('explicit')
+    call choose('l', 'load', top, '')
+    call ask%start(verb_ready)
+    call expect('READY of an explicit column', '')
+    do k = 1, 3
+      call ask%start(verb_advance, int(k, i8), (k - 1)*span, k*span)
+      call ask%put('l.force', spread([0.0_wp, 0.0_wp, 2.0_wp*k], 2, 4))
+      call expect('ADVANCE with a held load', '')
+      call reply%get('scalars', scalars, errors)
+      call test%check_close('held load', scalars(scalar_momentum + 2), 4*span*k*(k + 1), 1e-13_wp)
+      call ask%start(verb_accept)
+      call expect('ACCEPT of it', '')
+    end do
+    do k = 1, 2
+      call ask%start(verb_advance, 4_i8, 3.0_wp*span, 4.0_wp*span)
+      call ask%put('l.impulse', push)
+      call expect('ADVANCE after an impulse', '')
+      call reply%get('scalars', before, errors)
+      call test%check_close('impulse', before(scalar_momentum + 2), 48*span + 1, 1.0e-13_wp)
+      call reply%get('l.v', v, errors)
+      if (k == 2) exit
+      call ask%start(verb_reject)
+      call expect('REJECT of an impulse', '')
+    end do
+    call ask%start(verb_kick_drift, 4_i8, 4.0_wp*span, 4.0_wp*span)
+    call ask%put('kick', 0.0_wp)
+    call ask%put('drift', 0.0_wp)
+    call ask%put('l.impulse', push)
+    call expect('an impulse alone', '')
+    call reply%get('scalars', scalars, errors)
+    scalars = scalars - before
+    call test%check_close('its momentum', scalars(scalar_momentum + 2), 1.0_wp, 1.0e-13_wp)
+    call test%check_close('its work on nodes of 3/8 kg', scalars(scalar_kinetic), &
+      sum(push*v) + 0.5_wp*sum(push**2)/0.375_wp, 1.0e-13_wp)
+    call test%check_close('of loads', scalars(scalar_boundary), scalars(scalar_kinetic), 1e-13_wp)
+    call test%check('impulses without faults', .not. errors%any())
+    call ask%start(verb_stop)
+    call expect('STOP of the explicit column', '')
+    call test%ends_with(0)
+  end subroutine explicit_interval
 
   !> FORCE in the compressed state: in balance the element at the top loads its lower nodes, which
   !! scope `interface` returns, while all elements together leave them in balance.
