@@ -16,13 +16,15 @@ from talus.port_solid import Solid
 class Explicit(Solid):
     """A solid with lumped mass that goes through an interval by steps of its own.
 
-    Central differences are Newmark's scheme with beta = 0, gamma = 1/2, which is why HELLO names
-    'newmark': talus-couple then gives the load at t1, and the load goes to it in a straight line.
-    `weight` (n, 3) is a dead load of its own [N], `damping` proportional to mass [1/s].
+    Central differences are Newmark's scheme with beta = 0, gamma = 1/2: with analysis 'newmark'
+    talus-couple gives the load at t1, and the load goes to it in a straight line. A partner that
+    sets analysis = 'explicit' is coupled by scheme = 'symmetric' (impulses) or 'iterated' (loads
+    that are held). `weight` (n, 3) is a dead load of its own [N], `damping` proportional to mass
+    [1/s].
     """
 
     analysis = "newmark"
-    capabilities = "report,load,solve,advance,reject,rehearsal,dead_load"
+    capabilities = "report,load,solve,advance,kick_drift,impulse,reject,rehearsal,dead_load"
     step_limit = 0.0  # s, largest stable step; a partner sets it
     dt_factor = 0.8  # of the step limit
     damping = 0.0
@@ -44,6 +46,10 @@ class Explicit(Solid):
         """
         raise NotImplementedError
 
+    def hello(self, request: Message) -> Values:
+        """Say who this is, and the largest stable step."""
+        return super().hello(request) | {Field.STEP_LIMIT: self.step_limit}
+
     def ready(self, request: Message) -> Values:
         """Tell the accepted state; dead loads that were set meanwhile hold from here on."""
         if not request.flag(Field.REHEARSAL):
@@ -56,13 +62,54 @@ class Explicit(Solid):
         return super().ready(request)
 
     def advance(self, request: Message) -> Values:
-        """Go by own steps to t1 under loads that are held."""
+        """Go by own steps to t1 under loads that are held, after impulses at t0."""
         load = self.loads(request)
-        count = self.go(load, load, request.t1 - request.t0)
+        count = self.go(load, load, request.t1 - request.t0, self.impulses())
         self.load = load
+        return self.moved() | {Field.SUBSTEPS: count}
+
+    def kick_drift(self, request: Message) -> Values:
+        """Kick by the forces of now, then drift; or impulses alone, at once."""
+        kick, drift = (float(self.needed(n, (1,))[0]) for n in (Field.KICK, Field.DRIFT))
+        self.take(Field.BRIEF)
+        push = self.impulses()
+        if push is not None:
+            if max(kick, drift) > 0.0:
+                self.refuse("P302", "impulses come in a KICK_DRIFT of their own")
+            self.give(push)
+            return self.moved()
+        load = self.loads(request)
+        pull = self.acceleration(load) - self.damping * self.v
+        self.v = self.v + kick * pull / (1.0 + 0.5 * kick * self.damping)
+        step = drift * self.v
+        self.u = self.u + step
+        self.work += float(np.sum(load * step))
+        self.fall += float(np.sum(self.weight * step))
+        self.push, self.load = self.acceleration(load), load
+        return {} if request.flag(Field.BRIEF) else self.moved()
+
+    def moved(self) -> Values:
+        """Tell motion of all sets and energies."""
         reply = self.state(0)
         del reply[Field.ITERATIONS]
-        return reply | {Field.SUBSTEPS: count}
+        return reply
+
+    def impulses(self) -> np.ndarray | None:
+        """Return the impulses of a request on all nodes (n, 3) [N s], None where it has none."""
+        push = None
+        for name, (role, nodes) in self.sets.items():
+            if role == "load" and f"{name}.{Field.IMPULSE}" in self.fields:
+                push = np.zeros(self.x.shape) if push is None else push
+                given = self.needed(f"{name}.{Field.IMPULSE}", (len(nodes), 3))
+                np.add.at(push, nodes, given)
+        return push
+
+    def give(self, push: np.ndarray) -> None:
+        """Change velocities by impulses (n, 3) [N s]; their work is that of loads."""
+        change = np.where(self.held, 0.0, push / self.mass[:, None])
+        self.work += float(np.sum(push * np.where(self.held, 0.0, self.v + 0.5 * change)))
+        self.v = self.v + change
+        self.a = self.push - self.damping * self.v
 
     def acceleration(self, load: np.ndarray) -> np.ndarray:
         """Return (n, 3) in m/s2 under a load (n, 3) in N but for the damping; 0 at supports."""
@@ -78,11 +125,17 @@ class Explicit(Solid):
         """Go from the accepted state over a duration [s], the load in a straight line to `load`."""
         return self.go(self.old_load, load, duration)
 
-    def go(self, first: np.ndarray, last: np.ndarray, duration: float) -> int:
-        """Go by own steps from the accepted state, the load from `first` to `last` (n, 3) [N]."""
+    def go(self, first: np.ndarray, last: np.ndarray, duration: float,
+           push: np.ndarray | None = None) -> int:  # fmt: skip
+        """Go by own steps from the accepted state, the load from `first` to `last` (n, 3) [N].
+
+        Impulses `push` (n, 3) [N s] come before them.
+        """
         self.u = self.accepted.copy()
         self.v, self.a, self.push = (part.copy() for part in self.kept)
         self.work, self.fall, self.damped = self.old_work, self.old_fall, self.old_damped
+        if push is not None:
+            self.give(push)
         if duration <= 0.0:
             return 1
         self.push += np.where(self.held, 0.0, (first - self.old_load) / self.mass[:, None])

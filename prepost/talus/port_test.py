@@ -249,6 +249,12 @@ def steps(s: Session) -> None:
         s.good("Steps", "FORCE", scope="all")
         brief(s, s.good("Steps", "FORCE", brief=1), "FORCE")
         s.bad("Steps", "with a scope that there is not", "FORCE", scope="nonsense")
+    if s.can("impulse"):
+        push = {f"{n.rpartition('.')[0]}__{Field.IMPULSE}": f for n, f in s.loads.items()}
+        for verb in ("ADVANCE", "KICK_DRIFT"):
+            more = {} if verb == "ADVANCE" else {"kick": 0.0, "drift": 0.0}
+            s.good("Steps", verb, **push, **more)
+        s.good("Verbs", "REJECT")
     if s.can("kick_drift"):
         s.good("Steps", "KICK_DRIFT", kick=0.0, drift=s.dt)
         brief(s, s.good("Steps", "KICK_DRIFT", kick=s.dt, drift=0.0, brief=1), "KICK_DRIFT")

@@ -195,9 +195,7 @@ def write_pressed(case: Case) -> None:
     write_packing(case.folder / "pack.h5", both, axes, kind=kind, groups={"ghosts": [1]})
 
 
-def pressed(
-    case: Case, exchange: float, speed: float, scheme: str, span: int
-) -> tuple[dict, dict]:
+def pressed(case: Case, exchange: float, speed: float, scheme: str, span: int) -> tuple[dict, dict]:
     """Run the pressed contact for a span of exchanges; return audit and summary."""
     values = {"scheme": scheme, "exchange": exchange, "dt": exchange / 2, "speed": speed}
     values |= {"end": f"{exchange * span:.17g}", "initial": "dead_load"}
