@@ -33,6 +33,7 @@ UNTESTED: dict[str, str] = {
     "N408": "guards the reference of a relaxed solid; no deck is known that breaks it",
     "N441": "guards the factor of a matrix that is positive by construction; no input breaks it",
     "P424": "a solver that dies in its --check without a word; no input does that",
+    "S018": "no memory; test_talus_memory has it",
     "S301": "METIS out of memory",
     "S302": "another build of MUMPS",
     "S303": "MUMPS out of memory",
@@ -54,8 +55,8 @@ def in_sources() -> dict[str, str]:
     """Return every code that a source uses, and where."""
     used: dict[str, str] = {}
     kinds = {"prepost": ("talus/**/*.py", IN_PYTHON), "libport": ("*.c", IN_C)}
-    for folder in LISTS:
-        pattern, code_of = kinds.get(folder, ("**/*.f90", IN_FORTRAN))
+    sources = [(folder, *kinds.get(folder, ("**/*.f90", IN_FORTRAN))) for folder in LISTS]
+    for folder, pattern, code_of in [*sources, ("common", "**/*.c", IN_C)]:
         for path in sorted((ROOT / folder).glob(pattern)):
             for code in code_of.findall(path.read_text()):
                 used.setdefault(code, str(path.relative_to(ROOT)))

@@ -9,10 +9,15 @@
  *
  * Memory in use does not grow by what is kept: a block that is not there is allocated after
  * as much of what is kept has been freed.
+ *
+ * Where there is no memory for a block of Talus the program ends here with one message and exit code 4:
+ * no allocate has a stat, and the message of the runtime would leave with 1, an input fault.
  */
+#include <fcntl.h>
 #include <malloc.h>
 #include <pthread.h>
 #include <stdint.h>
+#include <stdio.h>
 #include <stdlib.h>
 #include <string.h>
 #include <sys/mman.h>
@@ -64,16 +69,52 @@ static void *find(size_t size)
     return block;
 }
 
+/* Memory of this process in MiB, 0 if the system does not tell. */
+static long in_use(void)
+{
+    char text[128] = "";
+    char *rest;
+    const int file = open("/proc/self/statm", O_RDONLY);
+
+    if (file < 0) return 0;
+    if (read(file, text, sizeof text - 1) < 0) text[0] = 0;
+    (void)close(file);
+    (void)strtol(text, &rest, 10);
+    return strtol(rest, NULL, 10) * (sysconf(_SC_PAGESIZE) / 1024) / 1024;
+}
+
+/* The end: one write, so that lines of ranks do not mix; without memory of its own. */
+static void no_memory(size_t size)
+{
+    char text[512];
+    const char *rank = getenv("OMPI_COMM_WORLD_RANK");
+    const int length = snprintf(text, sizeof text,
+        "error %s: no memory for %.1f MiB more%s%s, %ld MiB are in use\n"
+        "  hint: take a smaller model, more ranks on more machines, or a machine with more memory; the"
+        " last checkpoint is valid\n",
+        "S018", (double)size / 1048576.0, rank ? " on rank " : "", rank ? rank : "", in_use());
+
+    if (length > 0 && write(STDERR_FILENO, text, (size_t)length) < 0) _exit(4);
+    _exit(4);
+}
+
 void *__wrap_malloc(size_t size)
 {
     void *block = NULL;
 
-    if (size < LARGE) return __real_malloc(size);
+    if (size < LARGE) {
+        block = __real_malloc(size);
+        if (block == NULL && size > 0) no_memory(size);
+        return block;
+    }
     if (size >= SEVERAL_LARGE_PAGES) {
         block = find(size);
         if (block != NULL) return block;
     }
-    if (posix_memalign(&block, LINE, size) != 0) return NULL;
+    if (posix_memalign(&block, LINE, size) != 0) {
+        talus_give_back();
+        if (posix_memalign(&block, LINE, size) != 0) no_memory(size);
+    }
     if (size >= SEVERAL_LARGE_PAGES) {
         const uintptr_t page = (uintptr_t)sysconf(_SC_PAGESIZE);
         const uintptr_t low = ((uintptr_t)block + page - 1) & ~(page - 1);

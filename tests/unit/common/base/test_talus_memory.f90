@@ -13,6 +13,7 @@ program test_talus_memory
   integer(c_intptr_t) :: place
   integer(i8) :: most
 
+  if (command_argument_count() > 0) call ask_for_too_much()
   if (watched()) then  ! by the address sanitizer of MODE=debug, which keeps all that is freed
     call test%check('nothing to be seen here', .true.)
     call test%finish()
@@ -44,9 +45,37 @@ program test_talus_memory
   most = memory_resident()
   deallocate (first)
   call test%check('given back where it is asked for', memory_resident() < most - 8_i8*many)
+  call no_memory()
   call test%finish()
 
 contains
+
+  !> More than an address has room for: in a process of its own.
+  subroutine ask_for_too_much()
+    real(wp), allocatable :: all(:)
+    allocate (all(2_i8**56))
+    all(1) = 1.0_wp
+    print '(f4.1)', all(1)
+    stop
+  end subroutine ask_for_too_much
+
+  !> S018, one line and a hint, and exit code 4.
+  subroutine no_memory()
+    character(len=512) :: program, line, hint, more
+    integer :: code, unit, stat
+    call get_command_argument(0, program)
+    call execute_command_line(trim(program)//' ask >'//trim(program)//'.out 2>&1', exitstat=code)
+    call test%check('exit code of a system failure', code == 4)
+    open (newunit=unit, file=trim(program)//'.out', action='read')
+    read (unit, '(a)') line
+    read (unit, '(a)') hint
+    read (unit, '(a)', iostat=stat) more
+    close (unit, status='delete')
+    call test%check('S018 tells how much', index(line, 'error S018: no memory for 549755813888.0 ' &
+                                                 //'MiB more') == 1)
+    call test%check('and what to do', index(hint, 'hint: take a smaller model') > 0)
+    call test%check('and no more', stat /= 0)
+  end subroutine no_memory
 
   !> Is the library of the address sanitizer loaded?
   logical function watched()
