@@ -167,7 +167,7 @@ help:
 	  'make test          set up, build, run every test and the quick verification cases' \
 	  'make verification  all verification cases (CASE=id for one)' \
 	  'make fuzz          long campaigns of changed decks, damaged files, kills (SEED=n)' \
-	  'make verification-ranks  those of grains and coupled ones, grains on RANKS=2 ranks' \
+	  'make verification-ranks  those of grains and coupled ones, grains, then solids on RANKS=2 ranks' \
 	  'make manual        the manual as HTML in build/manual' \
 	  'make manual-pdf    the same as one PDF, by chromium (CHROMIUM=program)' \
 	  'make penetration   three containers and the sweep of moduli (hours)' \
@@ -283,6 +283,8 @@ verification-ranks: deps
 	@$(MAKE) --no-print-directory all
 	$(PY) tools/verify.py --bin $(BIN) --out build/verification_ranks --area dem couple \
 	  --ranks $(or $(RANKS),2) $(if $(CASE),--case $(CASE))
+	$(PY) tools/verify.py --bin $(BIN) --out build/verification_solid_ranks --area couple \
+	  --solid-ranks $(or $(RANKS),2) $(if $(CASE),--case $(CASE))
 
 manual: deps-run deps-dev
 	$(PY) tools/manual.py --out build/manual
