@@ -10,52 +10,15 @@ import matplotlib
 matplotlib.use("Agg")
 import matplotlib.pyplot as plt  # noqa: E402
 import numpy as np  # noqa: E402
+from bed_rows import compression, table  # noqa: E402
 
 from talus.grading_plots import sieves_of  # noqa: E402
 from talus.histories import read  # noqa: E402
 from talus.verification import read_history  # noqa: E402
 
-STRENGTH, AREA, COUNT, DENSITY = 30.0e6, 2.5e-3, 5000, 2650.0  # [Pa], [m2], [kg/m3]
-PARTS = (0.002, 0.01, 0.05, 0.2, 0.4)  # of the grains, broken
+AREA, COUNT = 2.5e-3, 5000  # [m2], grains
 COLOURS = {"1.5": "C3", "3.0": "k", "6.0": "C0"}
 DIAMETER, SPEED = 10.0e-3, 5.0  # of the cone [m], [m/s]
-
-
-def compression(run: Path) -> dict[str, np.ndarray]:
-    """Return stress over strength, its largest so far, void ratio, events a grain and slope."""
-    walls = read_history(run / "compress_walls.csv")
-    grading = read_history(run / "compress_grading.csv")
-    broken = read_history(run / "compress_breakage.csv")
-    n = min(len(grading["time"]), len(broken["time"]), len(walls["time"]) // 2)
-    floor, top = walls["wall"] == 1, walls["wall"] == 2
-    stress = -walls["force_z"][floor][:n] / AREA / STRENGTH
-    return {"stress": stress, "most": np.maximum.accumulate(stress),
-            "void_ratio": walls["z"][top][:n] * AREA * DENSITY / grading["mass"][:n] - 1.0,
-            "events": broken["broken"][:n] / COUNT, "slope": grading["slope"][:n]}  # fmt: skip
-
-
-def at_parts(rows: dict[str, np.ndarray]) -> list[str]:
-    """Return the largest stress so far when so many have broken."""
-    found = []
-    for part in PARTS:
-        k = int(np.argmax(rows["events"] >= part))
-        found.append(f"{rows['most'][k]:6.3f}" if rows["events"][k] >= part else "     -")
-    return found
-
-
-def slope_of(rows: dict[str, np.ndarray]) -> str:
-    """Return the slope of log e over log stress, where stress is 1.05 times that of yield or more.
-
-    Yield: the largest stress so far when a twentieth has broken; a range of less than a fifth of
-    the stress gives none.
-    """
-    most = rows["most"]
-    start = 1.05 * most[np.argmax(rows["events"] >= 0.05)]
-    beyond = most >= start
-    if not beyond.any() or most[-1] < 1.2 * start:
-        return "    -"
-    line = np.polyfit(np.log(most[beyond]), np.log(rows["void_ratio"][beyond]), 1)
-    return f"{line[0]:5.2f}"
 
 
 def draw_beds(runs: dict[str, dict]) -> None:
@@ -120,13 +83,8 @@ def main() -> None:
     """Write the table and the figures."""
     names = [f"{shape}/s{seed}-m3.0" for shape in ("spheres", "ellipsoids") for seed in (1, 2, 3)]
     names += ["spheres/s1-m1.5", "spheres/s1-m6.0"]
-    runs = {name: compression(Path(name)) for name in names}
-    lines = ["largest stress / strength when so many of the grains have broken",
-             f"{'run':20s}" + "".join(f" {part:6.3f}" for part in PARTS)
-             + "   at the end: stress events slope; log e/log stress"]  # fmt: skip
-    for name, rows in runs.items():
-        lines.append(f"{name:20s} " + " ".join(at_parts(rows)) + f"   {rows['most'][-1]:16.3f} "
-                     f"{rows['events'][-1]:6.2f} {rows['slope'][-1]:5.2f}       {slope_of(rows)}")  # fmt: skip
+    runs = {name: compression(Path(name), AREA, COUNT) for name in names}
+    lines = table(runs, 20)
     draw_beds(runs)
     lines.append(draw_cone())
     Path("study.txt").write_text("\n".join(lines) + "\n")
