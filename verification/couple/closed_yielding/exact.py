@@ -90,7 +90,7 @@ def draw(case: Case, found: dict) -> None:
                  histtype="step", label=f"{law}, {name}")  # fmt: skip
         ax2.axvline(-item["grains_mean"][c] / STRESS, color=f"C{c}", ls="--", lw=0.8)
     ax2.axvline(1.0, color="k", lw=0.8)
-    ax2.set(xlabel="stress of what has closed / tile (dashed: mean of the grains there)",
-            ylabel="elements")  # fmt: skip
+    ax2.set(xlabel="stress of what has closed / tile", ylabel="elements",
+            title="dashed: mean of the grains there")  # fmt: skip
     ax2.legend(fontsize=8)
     case.save(fig)
