@@ -83,15 +83,18 @@ static long in_use(void)
     return strtol(rest, NULL, 10) * (sysconf(_SC_PAGESIZE) / 1024) / 1024;
 }
 
-/* The end: one write, so that lines of ranks do not mix; without memory of its own. */
+/*
+ * The end: one line in one write, so that those of ranks do not mix and a partner's report of the last
+ * lines has it; without memory of its own.
+ */
 static void no_memory(size_t size)
 {
     char text[512];
     const char *rank = getenv("OMPI_COMM_WORLD_RANK");
     const int length = snprintf(text, sizeof text,
-        "error %s: no memory for %.1f MiB more%s%s, %ld MiB are in use\n"
-        "  hint: take a smaller model, more ranks on more machines, or a machine with more memory; the"
-        " last checkpoint is valid\n",
+        "error %s: no memory for %.1f MiB more%s%s, %ld MiB are in use: take a"
+        " smaller model, more ranks on more machines, or a machine with more memory; the last checkpoint"
+        " is valid\n",
         "S018", (double)size / 1048576.0, rank ? " on rank " : "", rank ? rank : "", in_use());
 
     if (length > 0 && write(STDERR_FILENO, text, (size_t)length) < 0) _exit(4);
