@@ -80,27 +80,6 @@ def test_what_follows() -> None:
     assert (other["rate"], other["young"]) == (3.0, 14500 * 8.0e4)
 
 
-def test_first_row(tmp_path: Path) -> None:
-    """A test begins where the compression ended: its first row has the bits of the last one.
-
-    Rates are those of the new deck; the energy by staggering, and the closure with it, follows the
-    step, which is new.
-    """
-    words = ["--set", "grains=100", "strain=0.005", "compressed=0.08"]
-    template = made("triaxial", tmp_path, *words)
-    for line in template.table["decks"]:
-        solve(tmp_path, line)
-    for kind in ("cell", "energy"):
-        ends, begins = (read_history(tmp_path / f"{n}_{kind}.csv") for n in ("compress", "shear"))
-        names = [n for n in ends if not n.startswith(("rate", "staggering")) and "closure" not in n]
-        assert len(names) > 14 and all(begins[n][0] == ends[n][-1] for n in names)
-    rows = read_history(tmp_path / "shear_cell.csv")
-    assert np.isclose(rows["stress_zz"][0], -2.0e4, rtol=0.02)
-    before = (tmp_path / "shear_cell.csv").read_bytes()
-    solve(tmp_path, template.table["decks"][1])  # once more: no row twice
-    assert (tmp_path / "shear_cell.csv").read_bytes() == before
-
-
 def test_wave(tmp_path: Path) -> None:
     """The wall of the overlap moves all of the column at its speed; the stress is Z v."""
     made("overlap", tmp_path)

@@ -12,9 +12,10 @@ from talus.fields import convert_to_vtu
 from talus.packing import Packing, read_packing, write_packing_file
 from talus.paraview_scene import write_scene
 from talus.progress import watch
+from talus.vtkhdf import write_vtkhdf
 
 READERS = {"packing": read_packing, "ellip3d": read_ellip3d, "lammps": read_lammps}
-TARGETS = ("vtu", "paraview", "packing", "lammps", "liggghts")
+TARGETS = ("vtu", "vtkhdf", "paraview", "packing", "lammps", "liggghts")
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -23,7 +24,8 @@ def register(commands: argparse._SubParsersAction) -> None:
     new.add_argument("source", type=Path, help="field file (grains.h5, solid.h5), or a packing")
     new.add_argument(
         "-o", "--output", type=Path, required=True,
-        help="VTU: folder, or name ending in .vtu; ParaView: name ending in .py; else a file",
+        help="VTU: folder, or name ending in .vtu; ParaView: name ending in .py; VTKHDF: in "
+        ".vtkhdf; else a file",
     )  # fmt: skip
     new.add_argument("--to", choices=TARGETS, help="default: vtu, or with --from a packing")
     new.add_argument(
@@ -54,12 +56,16 @@ def register(commands: argparse._SubParsersAction) -> None:
 def convert(options: argparse.Namespace) -> int:
     """Write what is wanted and say what was written."""
     target = options.to or ("vtu" if options.kind == "packing" else "packing")
-    if target in ("vtu", "paraview") and options.kind != "packing":
+    if target in ("vtu", "vtkhdf", "paraview") and options.kind != "packing":
         raise FaultError("E500", f"--to={target} requires field files, not --from={options.kind}")
     if target == "paraview":
         sources = [options.source, *([options.solid] if options.solid else [])]
         write_scene(sources, options.output)
         print(f"{options.output}: open it with paraview --script={options.output}")
+        return 0
+    if target == "vtkhdf":
+        count = write_vtkhdf(options.source, options.output, watch)
+        print(f"{options.output}: {count} steps")
         return 0
     if target == "vtu":
         written = convert_to_vtu(options.source, options.output, watch, options.surfaces)
