@@ -124,17 +124,25 @@ contains
     type(pore_fit_type), intent(in) :: fit
     real(wp), intent(in) :: mobility(:), span     !! [s]
     real(wp), intent(out) :: matrix(:, :, :)      !! (8, 8, bricks) [m^3/Pa]
-    real(wp) :: l(8, 8), g(4, 3, 8), w(4, 3)
-    integer(i4) :: c, a, b
+    real(wp) :: l(8, 8), g(4, 3, 8), by(8, 4, 3), w(8, 4)
+    integer(i4) :: c, b, j
     l = stiffness(brick_edges(grid))
     g = slopes(brick_edges(grid))
+    by = reshape(g, [8, 4, 3], order=[2, 3, 1])  ! the corners first: eight go at once
+    !$omp parallel do default(none) schedule(static) private(c, b, j, w) &
+    !$omp   shared(grid, fit, mobility, span, matrix, l, g, by)
     do c = 1, brick_count(grid)
       do b = 1, 8
-        w = span**2*matmul(fit%yield(:, :, c), g(:, :, b))
-        do a = 1, 8
-          matrix(a, b, c) = span*mobility(c)*l(a, b) + sum(g(:, :, a)*w)
+        matrix(:, b, c) = span*mobility(c)*l(:, b)
+      end do
+      if (fit%start(c + 1) == fit%start(c)) cycle
+      do j = 1, 3
+        w = span**2*matmul(by(:, :, j), fit%yield(:, :, c))
+        do b = 1, 8
+          matrix(:, b, c) = matrix(:, b, c) + matmul(w, g(:, j, b))
         end do
       end do
     end do
+    !$omp end parallel do
   end subroutine brick_matrices
 end module dem_pore_operator

@@ -38,16 +38,18 @@ contains
     integer(i4), intent(out) :: turns
     real(wp), dimension(size(rhs)) :: diagonal, r, z, s, q
     real(wp) :: rho, before, scale, step
+    integer(i4), allocatable :: brick(:), corner(:, :)
 
+    call list_bricks(grid, free, brick, corner)
     call diagonal_of(grid, storage, matrix, diagonal)
-    call apply(grid, storage, matrix, (1.0_wp - free)*p, q)
+    call multiply(storage, matrix, brick, corner, (1.0_wp - free)*p, q)
     scale = sum(free*(rhs - q)**2/diagonal)
     if (.not. scale > 0.0_wp) then
       p = (1.0_wp - free)*p
       turns = merge(0, -1, abs(scale) <= 0.0_wp)
       return
     end if
-    call apply(grid, storage, matrix, p, q)
+    call multiply(storage, matrix, brick, corner, p, q)
     r = free*(rhs - q)
     s = 0.0_wp
     before = 1.0_wp
@@ -56,7 +58,7 @@ contains
       rho = sum(r*z)
       if (rho <= close**2*scale) return
       s = z + merge(rho/before, 0.0_wp, turns > 0)*s
-      call apply(grid, storage, matrix, s, q)
+      call multiply(storage, matrix, brick, corner, s, q)
       q = free*q
       step = rho/sum(s*q)
       p = p + step*s
@@ -71,19 +73,49 @@ contains
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: storage(:), matrix(:, :, :), p(:)
     real(wp), intent(out) :: product(:)
-    real(wp) :: at(8), to(8)
-    integer(i4) :: c, b, node(8)
-    product = storage*p
+    integer(i4), allocatable :: brick(:), corner(:, :)
+    call list_bricks(grid, 0.0_wp*p + 1.0_wp, brick, corner)
+    call multiply(storage, matrix, brick, corner, p, product)
+  end subroutine apply
+
+  !> Bricks with a corner that is free, and their corners; others add to nothing that is asked for.
+  pure subroutine list_bricks(grid, free, brick, corner)
+    type(pore_grid_type), intent(in) :: grid
+    real(wp), intent(in) :: free(:)                       !! (nodes)
+    integer(i4), allocatable, intent(out) :: brick(:)
+    integer(i4), allocatable, intent(out) :: corner(:, :)  !! (8, as brick)
+    integer(i4) :: listed(brick_count(grid)), nodes(8, brick_count(grid)), c, n
+    n = 0
     do c = 1, brick_count(grid)
-      node = corners_of(grid, c)
-      at = p(node)
+      nodes(:, n + 1) = corners_of(grid, c)
+      if (.not. any(free(nodes(:, n + 1)) > 0.0_wp)) cycle
+      n = n + 1
+      listed(n) = c
+    end do
+    brick = listed(:n)
+    corner = nodes(:, :n)
+  end subroutine list_bricks
+
+  !> The same with these bricks.
+  pure subroutine multiply(storage, matrix, brick, corner, p, product)
+    real(wp), intent(in) :: storage(:), p(:)
+    real(wp), contiguous, intent(in) :: matrix(:, :, :)
+    integer(i4), contiguous, intent(in) :: brick(:), corner(:, :)
+    real(wp), intent(out) :: product(:)
+    real(wp) :: to(8), at
+    integer(i4) :: k, b, a
+    product = storage*p
+    do k = 1, size(brick)
       to = 0.0_wp
       do b = 1, 8
-        to = to + matrix(:, b, c)*at(b)
+        at = p(corner(b, k))
+        to = to + matrix(1:8, b, brick(k))*at
       end do
-      product(node) = product(node) + to
+      do a = 1, 8
+        product(corner(a, k)) = product(corner(a, k)) + to(a)
+      end do
     end do
-  end subroutine apply
+  end subroutine multiply
 
   subroutine diagonal_of(grid, storage, matrix, diagonal)
     type(pore_grid_type), intent(in) :: grid
