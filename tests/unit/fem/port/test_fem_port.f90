@@ -120,6 +120,14 @@ contains
     call test%expect(what, code, ask, reply)
   end subroutine expect
 
+  !> A verb alone, which is answered without a fault.
+  subroutine command(verb, what)
+    integer(i4), intent(in) :: verb
+    character(len=*), intent(in) :: what
+    call ask%start(verb)
+    call expect(what, '')
+  end subroutine command
+
   subroutine describe(what, group, code)
     character(len=*), intent(in) :: what, group, code
     call ask%start(verb_describe)
@@ -234,21 +242,18 @@ contains
     call ask%put_text('set', 'l')
     call ask%put('force', spread([0.0_wp, 0.0_wp, -1.0_wp], 2, 4))
     call expect('SET dead_load', '')
-    call ask%start(verb_ready)
-    call expect('READY', '')
+    call command(verb_ready, 'READY')
     call ask_solve(1.0_wp, -2.5_wp)
     call expect('SOLVE', '')
     call reply%get('l.u', u, errors)
     expected = still*k_top/(k_top + k_spring)
     call test%check_close('with springs', u(3, 2), expected, 1.0e-13_wp)
-    call ask%start(verb_reject)
-    call expect('REJECT', '')
+    call command(verb_reject, 'REJECT')
     call ask_solve(1.0_wp, -2.5_wp)
     call expect('SOLVE again', '')
     call reply%get('l.u', again, errors)
     call test%check('the same bits after REJECT', all(abs(again - u) <= 0.0_wp))
-    call ask%start(verb_accept)
-    call expect('ACCEPT', '')
+    call command(verb_accept, 'ACCEPT')
     call ask_solve(2.0_wp, -2.5_wp)
     call expect('SOLVE from there', '')
     call reply%get('l.u', u, errors)
@@ -257,8 +262,7 @@ contains
     call test%check_close('closer', u(3, 2), expected, 1.0e-13_wp)
     call test%check_close('strain energy', scalars(scalar_elastic), 0.5_wp*k_top*expected**2, &
                           1.0e-13_wp)
-    call ask%start(verb_accept)
-    call expect('ACCEPT of the second', '')
+    call command(verb_accept, 'ACCEPT of the second')
     call ask_solve(3.0_wp, -2.5_wp)
     call ask%put('l.moment', 1.0_wp)
     call expect('an unknown field', 'P012')
@@ -306,8 +310,7 @@ contains
     call test%check_close('kicked', v(3, 1), kick*(1.5_wp + before(3, 1))/1.5_wp, 1.0e-14_wp)
     call test%check('held at its sides', all(abs(v(1:2, :)) <= 0.0_wp))
     call test%check('kinetic energy', scalars(scalar_kinetic) > 0.0_wp)
-    call ask%start(verb_reject)
-    call expect('REJECT of a split step', '')
+    call command(verb_reject, 'REJECT of a split step')
     call test%check('split steps without faults', .not. errors%any())
   end subroutine split_steps
 
@@ -338,8 +341,7 @@ contains
     call start('second', '000002')
     call test%check_close('it stands where the first one was', now_at, 2.0_wp, 0.0_wp)
     call choose('l', 'load', top, '')
-    call ask%start(verb_ready)
-    call expect('READY after a restart', '')
+    call command(verb_ready, 'READY after a restart')
     call reply%get('l.u', u, errors)
     call test%check_close('its displacement', u(3, 1), -14.0_wp/k_top*(1.0_wp - 0.75_wp**2), &
                           1.0e-13_wp)
@@ -357,8 +359,7 @@ contains
     call start('third')
     call choose('top', 'prescribe', top, '')
     call choose('r', 'report', middle, '')
-    call ask%start(verb_ready)
-    call expect('READY with a prescribed top', '')
+    call command(verb_ready, 'READY with a prescribed top')
     do pass = 1, 2
       call ask%start(verb_advance, 1_i8, 0.0_wp, 1.0_wp)
       call ask%put('top.u', spread([0.0_wp, 0.0_wp, -0.05_wp], 2, 4))
@@ -375,10 +376,8 @@ contains
       call test%check_close('displacement inside', u(3, 1), -0.02_wp, 1.0e-14_wp)
       if (pass == 1) first = u
       if (pass == 2) call test%check('the same bits', all(abs(u - first) <= 0.0_wp))
-      call ask%start(verb_reject)
-      call expect('REJECT of all sub-steps', '')
-      call ask%start(verb_ready)
-      call expect('READY again', '')
+      call command(verb_reject, 'REJECT of all sub-steps')
+      call command(verb_ready, 'READY again')
       call reply%get('r.u', u, errors)
       call test%check('back at the start', all(abs(u) <= 0.0_wp))
     end do
@@ -396,16 +395,14 @@ contains
     call replace_file(folder//'/deck.nml', plain//"&analysis kind = 'explicit' /"//nl, errors)
     call start('explicit')
     call choose('l', 'load', top, '')
-    call ask%start(verb_ready)
-    call expect('READY of an explicit column', '')
+    call command(verb_ready, 'READY of an explicit column')
     do k = 1, 3
       call ask%start(verb_advance, int(k, i8), (k - 1)*span, k*span)
       call ask%put('l.force', spread([0.0_wp, 0.0_wp, 2.0_wp*k], 2, 4))
       call expect('ADVANCE with a held load', '')
       call reply%get('scalars', scalars, errors)
       call test%check_close('held load', scalars(scalar_momentum + 2), 4*span*k*(k + 1), 1e-13_wp)
-      call ask%start(verb_accept)
-      call expect('ACCEPT of it', '')
+      call command(verb_accept, 'ACCEPT of it')
     end do
     do k = 1, 2
       call ask%start(verb_advance, 4_i8, 3.0_wp*span, 4.0_wp*span)
@@ -415,8 +412,7 @@ contains
       call test%check_close('impulse', before(scalar_momentum + 2), 48*span + 1, 1.0e-13_wp)
       call reply%get('l.v', v, errors)
       if (k == 2) exit
-      call ask%start(verb_reject)
-      call expect('REJECT of an impulse', '')
+      call command(verb_reject, 'REJECT of an impulse')
     end do
     call ask%start(verb_kick_drift, 4_i8, 4.0_wp*span, 4.0_wp*span)
     call ask%put('kick', 0.0_wp)
@@ -430,8 +426,7 @@ contains
       sum(push*v) + 0.5_wp*sum(push**2)/0.375_wp, 1.0e-13_wp)
     call test%check_close('of loads', scalars(scalar_boundary), scalars(scalar_kinetic), 1e-13_wp)
     call test%check('impulses without faults', .not. errors%any())
-    call ask%start(verb_stop)
-    call expect('STOP of the explicit column', '')
+    call command(verb_stop, 'STOP of the explicit column')
     call test%ends_with(0)
   end subroutine explicit_interval
 
@@ -464,8 +459,7 @@ contains
     call test%check_close('six elements'' worth', sum(force(3, :)), 6.0_wp*pressed, 1.0e-11_wp)
     call ask_force('some', 0.0_wp)
     call expect('FORCE with an unknown scope', 'P301')
-    call ask%start(verb_reject)
-    call expect('REJECT after FORCE', '')
+    call command(verb_reject, 'REJECT after FORCE')
     call test%check('FORCE without faults', .not. errors%any())
   end subroutine scopes
 
@@ -500,8 +494,7 @@ contains
     call expect('FORCE of weighted elements', '')
     call reply%get('top.force', force, errors)
     call test%check_close('the top element alone, halved', sum(force(3, :)), 75.0_wp, 1.0e-10_wp)
-    call ask%start(verb_reject)
-    call expect('REJECT of weighted elements', '')
+    call command(verb_reject, 'REJECT of weighted elements')
     call ask%start(verb_set)
     call ask%put_text('what', 'initial_stress')
     call ask%put('value', spread([0.0_wp, 0.0_wp, -4.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 2, 40))
@@ -514,8 +507,7 @@ contains
     call expect('an element without a state does not begin anew', 'P302')
     call press(reaction)
     call test%check_close('half of it', reaction, -0.075_wp*k_top - 2.0_wp, 1.0e-11_wp)
-    call ask%start(verb_abort)
-    call expect('ABORT', '')
+    call command(verb_abort, 'ABORT')
     call test%ends_with(4)
     call test%check('SET without faults', .not. errors%any())
   end subroutine matter
@@ -554,8 +546,7 @@ contains
     call reply%get('inertia', inertia, errors)
     call test%check_close('lumped micro-inertia', sum(inertia), 3.0_wp*5.0_wp*3.0_wp*0.1_wp, &
                           1.0e-12_wp)
-    call ask%start(verb_ready)
-    call expect('READY of a micromorphic column', '')
+    call command(verb_ready, 'READY of a micromorphic column')
     r = reshape([cos(angle) - 1.0_wp, sin(angle), 0.0_wp, -sin(angle), cos(angle) - 1.0_wp, &
                  0.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], [3, 3])
     do k = 1, 24
@@ -574,8 +565,7 @@ contains
                           1.0e-8_wp)
     call test%check_close('couple of chi_12', sum(couple(1, 2::3)), -150.0_wp*5.0_wp*1.0e-6_wp, &
                           1.0e-8_wp)
-    call ask%start(verb_abort)
-    call expect('ABORT of the column', '')
+    call command(verb_abort, 'ABORT of the column')
     call test%ends_with(4)
   end subroutine micromorphic
 
@@ -600,7 +590,6 @@ contains
     call expect('SOLVE with a prescribed top', '')
     call reply%get('top.reaction', force, errors)
     reaction = sum(force(3, :))
-    call ask%start(verb_reject)
-    call expect('REJECT of the pressed state', '')
+    call command(verb_reject, 'REJECT of the pressed state')
   end subroutine press
 end program test_fem_port
