@@ -5,11 +5,12 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from dragged_bar import judged
 
 import talus
 from talus.mesh import box, write_mesh
 from talus.packing import read_packing, write_h5
-from talus.verification import Case, field_steps, read_history
+from talus.verification import Case
 
 CASES = Path(talus.__file__).resolve().parents[2] / "verification"
 PLACE, REACH, BEHIND = 0.15, 0.12, 0.12  # of the bar, opened ahead, closed behind it [m]
@@ -86,26 +87,6 @@ def dragged(case: Case, window: ModuleType, name: str, top: float) -> dict:
         (folder / f"{deck}.nml").write_text(text)
     case.run("talus-couple", f"{name}/coupled.nml")
     return judged(window, folder)
-
-
-def judged(window: ModuleType, folder: Path) -> dict:
-    """Force as in the case of the bed; grains awake, energy."""
-    rows = read_history(folder / "grains_surfaces.csv")
-    way, force = window.SPEED * rows["time"], -rows["force_x"]
-    edges = np.arange(window.SKIP, window.WAY + 1e-9, window.BLOCK)
-    pairs = zip(edges[:-1], edges[1:], strict=True)
-    block = np.array([force[(way > a) & (way <= b)].mean() for a, b in pairs])
-    told = read_history(folder / "coupled_conversions.csv")
-    audit = read_history(folder / "coupled_audit.csv")
-    booked = np.isin(np.arange(len(audit["time"])), np.searchsorted(audit["time"], told["time"]))
-    energy = audit["total_energy"] - audit["conversion_energy"]
-    steps = np.abs(np.diff(energy))[booked[1:] | booked[:-1]]
-    return {
-        "way": way, "curve": force, "force": float(block.mean()), "told": told,
-        "error": float(block.std(ddof=1) / np.sqrt(len(block))), "jump": steps.max(),
-        "scatter": float(force[way > window.SKIP].std()),
-        "last": field_steps(folder / "grains.h5")[-1].grains,
-    }  # fmt: skip
 
 
 def draw(case: Case, window: ModuleType, found: dict) -> None:

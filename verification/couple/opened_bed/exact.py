@@ -7,11 +7,12 @@ from pathlib import Path
 from types import ModuleType
 
 import numpy as np
+from dragged_bar import judged
 
 import talus
 from talus.mesh import box, write_mesh
 from talus.packing import read_packing, write_h5
-from talus.verification import Case, field_steps, read_history
+from talus.verification import Case
 
 BED = Path(talus.__file__).resolve().parents[2] / "verification/dem/moving_window"
 PLACE, BEHIND, HELD = 0.15, 0.045, 8.0e-3  # of the bar, kept behind it, held there [m]
@@ -92,30 +93,12 @@ def opened(case: Case, window: ModuleType, name: str, reach: float, top: float) 
             text = text.replace(f"@{key}@", f"{value:.9g}")
         (folder / f"{deck}.nml").write_text(text)
     case.run("talus-couple", f"{name}/coupled.nml")
-    return judged(window, folder)
-
-
-def judged(window: ModuleType, folder: Path) -> dict:
-    """Force as in the case of the bed; grains awake, energy, cost."""
-    rows = read_history(folder / "grains_surfaces.csv")
-    way, force = window.SPEED * rows["time"], -rows["force_x"]
-    edges = np.arange(window.SKIP, window.WAY + 1e-9, window.BLOCK)
-    pairs = zip(edges[:-1], edges[1:], strict=True)
-    block = np.array([force[(way > a) & (way <= b)].mean() for a, b in pairs])
-    told = read_history(folder / "coupled_conversions.csv")
-    audit = read_history(folder / "coupled_audit.csv")
-    booked = np.isin(np.arange(len(audit["time"])), np.searchsorted(audit["time"], told["time"]))
-    energy = audit["total_energy"] - audit["conversion_energy"]
-    steps = np.abs(np.diff(energy))[booked[1:] | booked[:-1]]
     summary = json.loads((folder / "coupled_summary.json").read_text())
-    return {
-        "way": way, "curve": force, "force": float(block.mean()), "told": told,
-        "error": float(block.std(ddof=1) / np.sqrt(len(block))),
-        "scatter": float(force[way > window.SKIP].std()), "grains": told["awake"][1:].mean(),
-        "share": summary["timers"]["conversions"] / summary["wall_time_s"],
-        "jump": steps.max() / (block.mean() * window.WAY),
-        "last": field_steps(folder / "grains.h5")[-1].grains,
-    }  # fmt: skip
+    found = judged(window, folder)
+    found["grains"] = found["told"]["awake"][1:].mean()
+    found["share"] = summary["timers"]["conversions"] / summary["wall_time_s"]
+    found["jump"] /= found["force"] * window.WAY
+    return found
 
 
 def draw(case: Case, window: ModuleType, found: dict, truth: float) -> None:
