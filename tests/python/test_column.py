@@ -18,7 +18,7 @@ from talus.packing import FIXED, Packing, make_packing, read_h5
 from talus.tile_stamp import Forces, branches, read_stamp
 
 TILE = ["--count", "200", "--axes", "1e-3", "1e-3", "1e-3", "--spread", "0.2", "--stress", "100",
-        "--making-friction", "0.1", "--young", "2.9e7", "--edge", "0.02",
+        "--seed", "5", "--making-friction", "0.1", "--young", "2.9e7", "--edge", "0.02",
         "--least-edges", "5"]  # fmt: skip
 HEIGHT, SURCHARGE = 0.045, 100.0
 
