@@ -1,8 +1,10 @@
 #!/usr/bin/env bash
 # Penetration with overlap: a core of grains in a micropolar surround, beside all grains and a rigid box.
-# Usage: run.sh OUT
+# Usage: run.sh OUT [LAST]
+# LAST: the last stage, judge by default. SEED and PRESSURE (in pascals, 1.0e5) are those of the bed.
 source "$(dirname "$0")/../head.sh"
-out=${1:?usage: run.sh OUT}
+out=${1:?usage: run.sh OUT [LAST]}
+last=${2:-judge}
 mkdir -p "$out"
 out=$(cd "$out" && pwd)
 
@@ -10,13 +12,15 @@ out=$(cd "$out" && pwd)
 stage() {
   local name=$1
   shift
-  if [ -e "$out/$name.finished" ]; then return; fi
-  say "$name"
-  (
-    cd "$out"
-    "$@"
-  )
-  touch "$out/$name.finished"
+  if [ ! -e "$out/$name.finished" ]; then
+    say "$name"
+    (
+      cd "$out"
+      "$@"
+    )
+    touch "$out/$name.finished"
+  fi
+  if [ "$name" = "$last" ]; then exit 0; fi
 }
 
 fall() {
@@ -29,7 +33,7 @@ fall() {
 solver() { "$TALUS_BIN/talus-$1" "$2" --threads="$threads" --restart=auto; }
 
 coupled() {
-  sed "0,/threads = 1/s//threads = $threads/" "$here/coupled.nml" >coupled.nml
+  sed -i "0,/threads = 1/s//threads = $threads/" coupled.nml
   "$TALUS_BIN/talus-couple" coupled.nml --restart=auto
 }
 
@@ -44,10 +48,10 @@ soil() {
 
 # $1 chord or plastic: fewer ghosts in a surround of the element test's constants, in a folder of its own
 tested() {
-  cp "$here"/grains.nml surround.h5 "$1"
+  cp grains.nml surround.h5 "$1"
   cp near_pack.h5 "$1/core_pack.h5"
   cd "$1"
-  sed "0,/threads = 1/s//threads = $threads/" "$here/$1.nml" >"$1.nml"
+  sed "0,/threads = 1/s//threads = $threads/" "../$1.nml" >"$1.nml"
   "$TALUS_BIN/talus-couple" "$1.nml" --restart=auto
 }
 
@@ -60,6 +64,7 @@ wide() {
 }
 
 cp "$here"/*.nml "$out"
+sed -i "s/1\.0e5/${PRESSURE:-1.0e5}/" "$out"/*.nml
 stage fall fall
 stage press solver dem press.nml
 stage prepare "$python" "$here/prepare.py" pressed.h5 .

@@ -27,12 +27,12 @@ SPEED, SHORTER = 0.1, 0.06  # of the wall [m/s], strain at the end of the test
 SMALL = 0.02  # strain to which the law is fitted: more than ghosts undergo
 
 
-def fill(out: Path, name: str, values: dict[str, float]) -> None:
-    """Write a deck of this folder with its numbers."""
-    text = (Path(__file__).parent / name).read_text()
+def fill(deck: Path, folder: Path, values: dict[str, float]) -> None:
+    """Write a deck into a folder with its numbers."""
+    text = deck.read_text()
     for key, value in values.items():
         text = text.replace(f"@{key}@", f"{value:.6g}")
-    (out / name).write_text(text)
+    (folder / deck.name).write_text(text)
 
 
 def cut(out: Path) -> None:
@@ -44,7 +44,7 @@ def cut(out: Path) -> None:
     part.v[:], part.omega[:], part.surcharge[:] = 0.0, 0.0, 0.0
     part.groups = {}
     write_packing_file(out / "sample_pack.h5", part)
-    fill(out, "sample.nml", stresses(out))
+    fill(out / "sample.nml", out, stresses(out))
     print(f"sample_pack.h5: {part.count} grains")
 
 
@@ -59,7 +59,7 @@ def go_on(out: Path) -> None:
     """The deck of the test: so much longer than the sample took."""
     began = json.loads((out / "sample_summary.json").read_text())["time_s"]
     end = began + SHORTER * 2.0 * (HALF + ROOM) / SPEED
-    fill(out, "shear.nml", stresses(out) | {"end": end})
+    fill(out / "shear.nml", out, stresses(out) | {"end": end})
 
 
 def test_of(out: Path) -> dict[str, np.ndarray]:
@@ -144,7 +144,7 @@ def main() -> int:
         draw(out, soil)
         for name in ("chord", "plastic"):
             (out / name).mkdir(exist_ok=True)
-            fill(out / name, f"{name}_solid.nml", soil)
+            fill(out / f"{name}_solid.nml", out / name, soil)
         print(", ".join(f"{name} {value:.4g}" for name, value in soil.items()))
     return 0
 

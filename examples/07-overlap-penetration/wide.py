@@ -28,7 +28,7 @@ def widen() -> float:
 
 def main() -> int:
     """Write packing, mesh and decks."""
-    here, out = Path(__file__).parent, Path(sys.argv[1])
+    out = Path(sys.argv[1])
     folder = out / "wide"
     folder.mkdir(exist_ok=True)
     before = widen()
@@ -38,10 +38,10 @@ def main() -> int:
     packing = prepare.core(bed, level, NEAR_EDGE)
     write_packing_file(folder / "core_pack.h5", packing)
     write_mesh(folder / "surround.h5", prepare.surround(top, level))
-    text = (here / "grains.nml").read_text().replace(f"{before}", f"{FREE_EDGE}")
+    text = (out / "grains.nml").read_text().replace(f"{before}", f"{FREE_EDGE}")
     (folder / "grains.nml").write_text(text)
     shutil.copy(out / "chord/chord_solid.nml", folder)
-    shutil.copy(here / "chord.nml", folder)
+    shutil.copy(out / "chord.nml", folder)
     print(f"wide/core_pack.h5: {packing.count} grains")
     return 0
 
