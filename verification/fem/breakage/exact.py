@@ -7,6 +7,7 @@ import numpy as np
 from talus.verification import Case, read_history
 
 K, G, CRITICAL, OMEGA = 13833.0e6, 7588.0e6, 4.65e6, np.radians(70.0)
+SLOPE = 1.7
 COMPONENTS = ("xx", "yy", "zz", "xy", "yz", "zx")
 TWICE = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 RATIO, DIMENSION = 0.001 / 0.105, 2.6
@@ -132,8 +133,59 @@ def judge_path(case: Case, name: str, table: dict) -> Found:
     return found
 
 
+def tangent_of_rates(stress: np.ndarray, crushed: float) -> np.ndarray:
+    """Return dσ/dε [Pa] of a yielding state, by engineering shears, from Einav's rates.
+
+    The stress (6) [Pa] is compressive. Flow and breakage of a unit multiplier are m and b; the
+    multiplier of a rate keeps y = 0. Inside, shears count √2 times (Mandel's notation).
+    """
+    root = np.sqrt(TWICE)
+    s, one = stress * root, np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])
+    p = s @ one / 3
+    dev = s - p * one
+    left = 1 - THETA * crushed
+    whole = K * np.outer(one, one) + 2 * G * (np.eye(6) - np.outer(one, one) / 3)
+    elastic = np.linalg.solve(whole, s) / left
+    energy = THETA * elastic @ whole @ elastic / 2
+    scale = (1 - crushed) ** 2 / CRITICAL
+    b = 2 * scale * np.cos(OMEGA) ** 2
+    m = 2 * scale * energy * np.sin(OMEGA) ** 2 / p * one / 3 + 3 * dev / (SLOPE * p) ** 2
+    by_stress = scale * THETA * elastic / left + 3 * dev / (SLOPE * p) ** 2
+    by_stress -= 3 * (dev @ dev) / (SLOPE**2 * p**3) * one / 3
+    by_b = 2 * scale * energy * (THETA / left - 1 / (1 - crushed))
+    loss = left * whole @ m + THETA * b * s / left
+    slopes = left * whole
+    slopes -= np.outer(loss, by_stress @ slopes) / (by_stress @ loss - by_b * b)
+    return slopes / np.outer(root, root)
+
+
+def judge_tangent(case: Case, table: dict) -> None:
+    """Judge the tangent at rest after the general path: in its state, and in that of the table."""
+    wanted = np.array(table["tangent"])
+    there = tangent_of_rates(np.array(table["stress"][-1]), table["B"][-1])
+    off = abs(there - wanted).max() / abs(wanted).max()
+    case.below("tangent of rates here and in the tables, error / largest", float(off), 1e-7)
+    errors, all_slopes = [], []
+    rest = ((0.0, 0.5, 1.0), (0.0, 1.0, 1.0))
+    for steps in STEPS:
+        controls = controls_of("general", table["p0"])
+        found = run_path(case, "tangent", table["p0"], controls, 2 * steps, rest)
+        slopes = np.array(
+            [[found[f"stress {a} by strain {b}"][-1] for b in COMPONENTS] for a in COMPONENTS]
+        )
+        own = tangent_of_rates(stress_of(found)[-1], float(found["breakage"][-1]))
+        off = abs(slopes - own).max() / abs(own).max()
+        case.below(f"general, {steps}: tangent at rest / rates, error", float(off), 1e-10)
+        errors.append(abs(slopes - wanted).max() / abs(wanted).max())
+        all_slopes.append(slopes)
+    off = abs(2 * all_slopes[-1] - all_slopes[-2] - wanted).max() / abs(wanted).max()
+    case.below("general: tangent extrapolated to no step, error / largest", float(off), 5e-3)
+    order = float(np.log2(errors[0] / errors[-1]) / 2)
+    case.metric("general: order of the tangent", order, 1.0, 0.15)
+
+
 def judge_implicit(case: Case, table: dict) -> None:
-    """Judge ten steps of backward Euler, and the tangent of a small one against its rates."""
+    """Judge ten steps of backward Euler."""
     found = run_path(case, "implicit", table["p0"], controls_of("implicit", 0.0), 10)
     wanted = np.array(table["stress"])
     p = wanted[:, :3].mean(axis=1)
@@ -148,6 +200,7 @@ def run(case: Case) -> None:
     tables = json.loads((case.folder / "reference.json").read_text())
     line = judge_isotropic(case, tables["isotropic"])
     judge_implicit(case, tables["implicit"])
+    judge_tangent(case, tables["general"])
     fig, axes = case.figure(ncols=2, figsize=(10, 4.2))
     volume = -(line["strain xx"] + line["strain yy"] + line["strain zz"])
     exact = closed_line(line["p"])
