@@ -1,10 +1,10 @@
 """Cubes in triaxial compression against the material point."""
 
 import numpy as np
-from solid import distorted_cube, save, shape_of
+from cube import write_cube
+from solid import shape_of
 
 from talus.compare import max_of
-from talus.mesh import Mesh, boundary_faces
 from talus.verification import Case, field_steps, read_history
 
 DRUCKER = (
@@ -30,23 +30,12 @@ RADIAL = np.array([0.00123822725225, 0.00261821222823, 0.0053781821802, 0.012278
 HARDENING = np.array([0.00123401236482, 0.00579231680304, 0.0149089256795, 0.0377004478705])
 
 
-def write_cube(case: Case, kind: str) -> Mesh:
-    """Write the distorted cube with its six faces."""
-    mesh = distorted_cube(2, kind)
-    faces = [nodes for _, nodes in boundary_faces(mesh.cells).values()]
-    for k, c in enumerate("xyz"):
-        for side in (0, 1):
-            on = [q for q in faces if np.isclose(mesh.x[q][:, k], side).all()]
-            mesh.facets[f"{c}{side}"] = np.array(on)
-    save(mesh, case.folder / f"{kind}.h5")
-    return mesh
-
-
 def run_cube(case: Case, element: str, material: str, stem: str) -> dict[str, np.ndarray]:
     """Run a cube; return time, force on the top, radial motion, points and ledger error."""
-    mesh = write_cube(case, shape_of(element))
+    kind = shape_of(element)
+    mesh = write_cube(case, f"{kind}.h5", kind)
     text = (case.folder / "deck.nml").read_text().replace("ELEMENT", element)
-    text = text.replace("KIND", shape_of(element)).replace("MATERIAL", material)
+    text = text.replace("KIND", kind).replace("MATERIAL", material)
     (case.folder / f"{stem}.nml").write_text(text)
     case.run("talus-fem", f"{stem}.nml")
     steps = field_steps(case.folder / f"{stem}.h5")
@@ -112,7 +101,7 @@ def judge_strong(case: Case, element: str) -> None:
 
 def judge_dynamic(case: Case, name: str, element: str, analysis: str) -> None:
     """Judge slow dynamics with little mass, damped, against the reference."""
-    write_cube(case, "hex8")
+    write_cube(case, "hex8.h5")
     stem = name.replace(" ", "_")
     material = POLAR if "/" in element else DRUCKER
     text = (case.folder / "deck.nml").read_text().replace("ELEMENT", element)

@@ -1,12 +1,8 @@
 """Cubes of sand in triaxial compression against the material point; restart amid plastic flow."""
 
-import shutil
-
 import numpy as np
-from solid import distorted_cube, save
+from cube import judge_ledger, judge_restart, write_cube, write_deck
 
-from talus.compare import max_of, same_arrays
-from talus.mesh import boundary_faces
 from talus.verification import Case, field_steps, read_history
 
 SAND = (
@@ -37,30 +33,14 @@ AT_VOID = 30  # of the states of a point
 Found = dict[str, np.ndarray]
 
 
-def write_cube(case: Case) -> None:
-    """Write the distorted cube with its six faces."""
-    mesh = distorted_cube(2, "hex8")
-    faces = [nodes for _, nodes in boundary_faces(mesh.cells).values()]
-    for k, c in enumerate("xyz"):
-        for side in (0, 1):
-            on = [q for q in faces if np.isclose(mesh.x[q][:, k], side).all()]
-            mesh.facets[f"{c}{side}"] = np.array(on)
-    save(mesh, case.folder / "cube.h5")
-
-
-def write_deck(case: Case, name: str, template: str, words: dict[str, str]) -> str:
-    """Fill a template; return the stem of the deck."""
-    text = (case.folder / template).read_text()
-    for word, value in ({"NAME": name, "SAND": SAND} | words).items():
-        text = text.replace(word, value)
-    stem = name.replace(" ", "_")
-    (case.folder / f"{stem}.nml").write_text(text)
-    return stem
+def fill(case: Case, name: str, template: str, words: dict[str, str]) -> str:
+    """Fill a template with sand; return the stem of the deck."""
+    return write_deck(case, name, template, {"SAND": SAND} | words)
 
 
 def run_point(case: Case, name: str, sides: str) -> Found:
     """Run the material point."""
-    stem = write_deck(case, f"{name} point", "point.nml", {"SIDES": sides, "DENSITY": "1.0"})
+    stem = fill(case, f"{name} point", "point.nml", {"SIDES": sides, "DENSITY": "1.0"})
     case.run("talus-fem", f"{stem}.nml", "--point")
     return read_history(case.folder / f"{stem}_point.csv")
 
@@ -68,15 +48,10 @@ def run_point(case: Case, name: str, sides: str) -> Found:
 def run_cube(case: Case, name: str, sides: str, analysis: str = STATIC) -> tuple[str, Found]:
     """Run a cube; return its stem, the axial stress with its times, and judge the ledger."""
     words = {"SIDES": sides, "ANALYSIS": analysis, "DENSITY": "0.1"}
-    stem = write_deck(case, name, "deck.nml", words)
+    stem = fill(case, name, "deck.nml", words)
     case.run("talus-fem", f"{stem}.nml")
     forces = read_history(case.folder / f"{stem}_reactions.csv")
-    energy = read_history(case.folder / f"{stem}_energy.csv")
-    work = max_of(abs(energy[k]).max() for k in ("load", "support", "strain", "plastic"))
-    off = float(abs(energy["closure"]).max() / work)
-    case.below(f"{name}: ledger, error / largest", off, 1e-8)
-    growth = float(np.diff(energy["plastic"]).min() / work)
-    case.above(f"{name}: least growth of the dissipation / largest", growth, -1e-9)
+    judge_ledger(case, name, stem, -1e-9)
     return stem, {"time": forces["time"], "axial": -forces["z1 z"]}
 
 
@@ -93,23 +68,9 @@ def judge_static(case: Case, name: str, sides: tuple[str, str]) -> tuple[Found, 
     return point, found
 
 
-def judge_restart(case: Case, stem: str) -> None:
-    """Go on from the checkpoint half-way."""
-    whole = field_steps(case.folder / f"{stem}.h5")
-    kept = {p: p.read_bytes() for p in case.folder.glob(f"{stem}_*.csv") if "point" not in p.name}
-    shutil.copy(case.folder / f"{stem}.chk.1.h5", case.folder / "half.chk.h5")
-    case.run("talus-fem", f"{stem}.nml", "--restart=half.chk.h5")
-    again = field_steps(case.folder / f"{stem}.h5")
-    same = len(kept) > 0 and len(whole) == len(again)
-    for a, b in zip(whole, again, strict=True):
-        same = same and same_arrays(a.solid, b.solid)
-    same = same and all(p.read_bytes() == data for p, data in kept.items())
-    case.metric(f"{stem}: restart repeats every bit", float(same), 1.0, 0)
-
-
 def run(case: Case) -> None:
     """Judge all; plot the deviatoric stress."""
-    write_cube(case)
+    write_cube(case, "cube.h5")
     point, drained = judge_static(case, "drained", DRAINED)
     judge_restart(case, "drained")
     other, held = judge_static(case, "constant volume", CONSTANT_VOLUME)
