@@ -110,7 +110,23 @@ contains
       call deck%fault(errors, 'D471', 'nothing says how far the grading can go', 'material', m, &
         'id', 'give grain_size_max and grain_size_min, or grading_index')
     end if
+    call check_tip(self, deck, m, errors)
   end subroutine read_constants
+
+  !> Fault D473 where grains would crush in tension before friction lets them part.
+  subroutine check_tip(self, deck, m, errors)
+    class(fem_law_breakage_type), intent(in) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: crushing
+    crushing = (1.0_wp - self%index*self%initial)/(1.0_wp - self%initial) &
+      *sqrt(2.0_wp*self%bulk*self%critical/self%index)
+    if (self%residual < crushing) return
+    call deck%fault(errors, 'D473', 'residual_pressure = '//str(self%residual)//' Pa is not '// &
+      'below '//str(crushing)//' Pa, at which the grains crush', 'material', m, &
+      'residual_pressure', 'a share of it that is small beside the stresses will do')
+  end subroutine check_tip
 
   subroutine begin(self, stress, state, fault, cure)
     class(fem_law_breakage_type), intent(in) :: self

@@ -30,6 +30,7 @@ module fem_law_sanisand
   real(wp), parameter :: held_share = 0.1_wp         !! of the residual pressure
   real(wp), parameter :: least_share = 1.0e-5_wp     !! of the atmospheric pressure
   real(wp), parameter :: densest = 0.8_wp            !! of the void ratio at the start, for waves
+  real(wp), parameter :: most_density = 1.2_wp       !! relative; denser than the standard test's
   real(wp), parameter :: inside = 1.0_wp - 1.0e-6_wp !! of the bounding surface
   real(wp), parameter :: no_strain = 1.0e-9_wp       !! that has the tangent of a zero increment
   real(wp), parameter :: probe = 1.0e-5_wp           !! of the increment, for differences
@@ -95,36 +96,71 @@ contains
     call self%read_density(deck, m, errors)
   end subroutine read_constants
 
-  !> Void ratio at the start, by itself or by the relative density; faults D470.
+  !> Void ratio at the start, by itself or by the relative density; faults D470, and D331 where the
+  !! yield surface does not fit between the critical states.
   subroutine read_density(self, deck, m, errors)
     class(fem_law_sanisand_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: m
     type(error_list_type), intent(inout) :: errors
     real(wp) :: loosest, dense, share
-    character(len=*), parameter :: cure = 'give void_ratio, or relative_density with '// &
-      'void_ratio_max and void_ratio_min'
 
     call deck%get('material', m, 'void_ratio', self%void_ratio)
+    call read_limits(deck, m, loosest, dense, errors)
     if (deck%given('material', m, 'relative_density')) then
       call deck%get('material', m, 'relative_density', share)
-      call deck%get('material', m, 'void_ratio_max', loosest)
-      call deck%get('material', m, 'void_ratio_min', dense)
-      if (.not. loosest > dense) call deck%fault(errors, 'D470', 'void_ratio_max = '// &
-        str(loosest)//' is not above void_ratio_min = '//str(dense), 'material', m, &
-        'void_ratio_max', 'the loosest state has the largest void ratio')
       self%void_ratio = loosest - share*(loosest - dense)
     else if (.not. deck%given('material', m, 'void_ratio')) then
-      call deck%fault(errors, 'D470', 'the sand has no density at the start', 'material', m, &
-        'id', cure)
+      call deck%fault(errors, 'D470', 'the sand has no density at the start', 'material', m, 'id', &
+        'give void_ratio, or relative_density with void_ratio_max and void_ratio_min')
       return
+    else
+      call check_limits(deck, m, self%void_ratio, [loosest, dense], errors)
     end if
     if (self%void_ratio*self%sand%hardening_void >= 1.0_wp) call deck%fault(errors, 'D470', &
       'the void ratio '//str(self%void_ratio)//' leaves no hardening: h0 (1 - c_h e) is not '// &
       'positive', 'material', m, 'hardening_void', 'hardening_void must be below 1/e = '// &
       str(1.0_wp/self%void_ratio))
+    if (self%sand%opening >= self%sand%extension*self%sand%slope) call deck%fault(errors, 'D331', &
+      'yield_opening = '//str(self%sand%opening)//' is not below extension_ratio critical_slope'// &
+      ' = '//str(self%sand%extension*self%sand%slope), 'material', m, 'yield_opening', &
+      'the yield surface is a narrow cone between the critical states: 0.01 is usual')
     self%least_void = densest*self%void_ratio
   end subroutine read_density
+
+  !> e_max and e_min, huge and 0 where they are not given.
+  subroutine read_limits(deck, m, loosest, dense, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    real(wp), intent(out) :: loosest, dense
+    type(error_list_type), intent(inout) :: errors
+    loosest = huge(1.0_wp)
+    dense = 0.0_wp
+    if (.not. deck%given('material', m, 'void_ratio_max')) return
+    call deck%get('material', m, 'void_ratio_max', loosest)
+    if (.not. deck%given('material', m, 'void_ratio_min')) return
+    call deck%get('material', m, 'void_ratio_min', dense)
+    if (.not. loosest > dense) call deck%fault(errors, 'D470', 'void_ratio_max = '// &
+      str(loosest)//' is not above void_ratio_min = '//str(dense), 'material', m, &
+      'void_ratio_max', 'the loosest state has the largest void ratio')
+  end subroutine read_limits
+
+  !> Is a given void ratio among those that a relative density could give?
+  subroutine check_limits(deck, m, void, limits, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: m
+    real(wp), intent(in) :: void, limits(2)  !! e_max and e_min
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: least
+    if (void > limits(1)) call deck%fault(errors, 'D470', 'void_ratio = '//str(void)// &
+      ' is above void_ratio_max = '//str(limits(1)), 'material', m, 'void_ratio', &
+      'grains that touch leave no more voids than those of the loosest state')
+    if (.not. (limits(2) > 0.0_wp .and. limits(1) > limits(2))) return
+    least = limits(1) - most_density*(limits(1) - limits(2))
+    if (void < least) call deck%fault(errors, 'D470', 'void_ratio = '//str(void)// &
+      ' is a relative density of '//str((limits(1) - void)/(limits(1) - limits(2))), 'material', &
+      m, 'void_ratio', 'at most '//str(most_density)//', that is void_ratio = '//str(least))
+  end subroutine check_limits
 
   subroutine begin(self, stress, state, fault, cure)
     class(fem_law_sanisand_type), intent(in) :: self

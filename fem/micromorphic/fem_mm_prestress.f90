@@ -11,7 +11,7 @@ module fem_mm_prestress
   use fem_mm_tensor, only: determinant
   implicit none
   private
-  public :: start_state
+  public :: start_state, free_moduli, on_surface
 
   integer(i4), parameter :: most_iterations = 200
   real(wp), parameter :: accuracy = 4.0_wp*epsilon(1.0_wp)  !! of stretches
@@ -34,6 +34,12 @@ contains
     integer(i4) :: info, k
 
     fault = ''
+    if (law%breaks .and. .not. law%cone(1)%tension > 0.0_wp .and. &
+        .not. sum(stress(:3)) < 0.0_wp) then
+      fault = 'breakage without tension needs a compressive mean stress, not p = '// &
+        str(-sum(stress(:3))/3.0_wp)//' Pa'
+      return
+    end if
     if (any(abs(stress) > 0.0_wp)) then
       axes = reshape(stress([1, 4, 6, 4, 2, 5, 6, 5, 3]), [3, 3])
       call dsyev('V', 'U', 3, axes, 3, principal, work, size(work), info)
@@ -57,6 +63,24 @@ contains
       trim(surface_name(k))//' surface, f = '//str(at%yield(k))
   end subroutine start_state
 
+  !> Moduli of chi against F: of its deviator, and of its trace. [Pa]
+  pure subroutine relative_moduli(law, shear, bulk)
+    type(mm_elastic_type), intent(in) :: law
+    real(wp), intent(out) :: shear, bulk
+    shear = law%kappa + law%nu - 2.0_wp*law%sigma
+    bulk = shear + 3.0_wp*(law%eta - law%tau)
+  end subroutine relative_moduli
+
+  !> Shear modulus and three times the bulk modulus where chi is free and homogeneous [Pa].
+  pure function free_moduli(law) result(modulus)
+    type(mm_elastic_type), intent(in) :: law
+    real(wp) :: modulus(2), shear, bulk
+    call relative_moduli(law, shear, bulk)
+    modulus = [law%mu, 3.0_wp*law%lambda + 2.0_wp*law%mu]
+    if (abs(shear*bulk) > 0.0_wp) modulus = modulus &
+      - [2.0_wp*law%sigma**2/shear, (3.0_wp*law%tau + 2.0_wp*law%sigma)**2/bulk]
+  end function free_moduli
+
   !> Principal stretches of F^e and chi^e: with P^ = 0, E^ is linear in E with the moduli of a
   !! free chi, and sigma_i = l_i^2 E^_i/(l_1 l_2 l_3).
   subroutine stretches(law, principal, stretch, micro, fault)
@@ -70,11 +94,8 @@ contains
 
     found = .false.
     micro = 1.0_wp
-    shear = law%kappa + law%nu - 2.0_wp*law%sigma
-    bulk = shear + 3.0_wp*(law%eta - law%tau)
-    modulus = [law%mu, 3.0_wp*law%lambda + 2.0_wp*law%mu]
-    if (abs(shear*bulk) > 0.0_wp) modulus = modulus &
-      - [2.0_wp*law%sigma**2/shear, (3.0_wp*law%tau + 2.0_wp*law%sigma)**2/bulk]
+    call relative_moduli(law, shear, bulk)
+    modulus = free_moduli(law)
     stretch = 1.0_wp
     do k = 1, most_iterations
       dual = principal*product(stretch)/stretch**2

@@ -545,17 +545,19 @@ contains
   subroutine group_material_10(table)
     type(key_table_type), intent(inout) :: table
     call table%add_key('void_ratio_max', 'real', '', &
-      'e_max of `sanisand`, for `relative_density`.')
+      'e_max of `sanisand`, of the loosest state: `relative_density` needs it, and a ' &
+      //'`void_ratio` above it is refused.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'sanisand')
-    call table%needs('relative_density')
     call table%add_key('void_ratio_min', 'real', '', &
-      'e_min of `sanisand`, for `relative_density`.')
+      'e_min of `sanisand`, of the densest state of the standard test: ' &
+      //'`relative_density` needs it, a `void_ratio` of more than 1.2 times as dense is ' &
+      //'refused.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('law', 'sanisand')
-    call table%needs('relative_density')
+    call table%needs('void_ratio_max')
     call table%add_key('breakage_energy', 'real', 'Pa', &
       'E_c of `breakage`: critical breakage energy [J/m3].')
     call table%need()

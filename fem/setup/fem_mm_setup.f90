@@ -5,9 +5,11 @@ module fem_mm_setup
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use fem_mm_caps, only: make_ellipse, make_breakage, moments
-  use fem_mm_cones, only: mm_cone_type, kind_cone, kind_ellipse, make_cone, by_macro_pressure
+  use fem_mm_cones, only: mm_cone_type, kind_cone, kind_ellipse, kind_breakage, make_cone, &
+    by_macro_pressure
   use fem_mm_elastic, only: set_moduli, weakened
   use fem_mm_flow, only: mm_law_type
+  use fem_mm_prestress, only: free_moduli, on_surface
   implicit none
   private
   public :: read_micromorphic, solid_of
@@ -114,8 +116,33 @@ contains
       'that belongs to level gradient')
     if (law%cone(first)%on) call deck%fault(errors, 'D350', 'two cones of level '//level, 'cone', &
       k, 'level', 'give each level one cone')
+    call check_region(deck, k, law, cone, errors)
     law%cone(first:last) = cone
   end subroutine read_cone
+
+  !> Fault D473 for closed surfaces without an elastic region: an ellipse that is smaller than what
+  !! counts as on the surface, and grains that crush in tension before they part.
+  subroutine check_region(deck, k, law, cone, errors)
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: k
+    type(mm_law_type), intent(in) :: law
+    type(mm_cone_type), intent(in) :: cone
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: modulus(2), crushing
+    if (errors%any()) return
+    if (cone%kind == kind_ellipse) then
+      if (cone%slope*(cone%cap + cone%tension) <= 2.0_wp*on_surface*law%modulus) call deck%fault( &
+        errors, 'D473', 'preconsolidation + tension = '//str(cone%cap + cone%tension)// &
+        ' Pa leave no elastic region beside moduli of '//str(law%modulus)//' Pa', 'cone', k, &
+        'preconsolidation', 'it is the pressure that a specimen has carried')
+    else if (cone%kind == kind_breakage) then
+      modulus = free_moduli(law%elastic)
+      crushing = sqrt(2.0_wp*modulus(2)/3.0_wp*cone%energy/law%theta(1))
+      if (cone%tension >= crushing) call deck%fault(errors, 'D473', 'tension = '// &
+        str(cone%tension)//' Pa is not below '//str(crushing)//' Pa, at which the grains crush', &
+        'cone', k, 'tension', 'a share of it that is small beside the stresses will do')
+    end if
+  end subroutine check_region
 
   !> A cone of Drucker and Prager.
   subroutine read_friction(deck, k, cone, errors)

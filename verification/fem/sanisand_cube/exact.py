@@ -10,7 +10,7 @@ SAND = (
     "critical_slope = 1.25, extension_ratio = 0.712, critical_void_ratio = 0.934,\n          "
     "critical_line_slope = 0.019, plastic_hardening = 7.05, hardening_void = 0.968, "
     "bounding_rate = 1.1, dilatancy = 0.704,\n          dilatancy_rate = 3.5, fabric_limit = 4.0, "
-    "fabric_rate = 600.0, void_ratio = 0.8"
+    "fabric_rate = 600.0, void_ratio_max = 0.977, void_ratio_min = 0.597, "
 )
 DRAINED = (
     "&pressure group = 'x1', value = 1.0e5 /\n&pressure group = 'y1', value = 1.0e5 /",
@@ -34,8 +34,11 @@ Found = dict[str, np.ndarray]
 
 
 def fill(case: Case, name: str, template: str, words: dict[str, str]) -> str:
-    """Fill a template with sand; return the stem of the deck."""
-    return write_deck(case, name, template, {"SAND": SAND} | words)
+    """Fill a template with sand, a point's by its relative density; return the stem of the deck."""
+    density = "void_ratio = 0.8"
+    if template == "point.nml":
+        density = f"relative_density = {(0.977 - 0.8) / (0.977 - 0.597)!r}"
+    return write_deck(case, name, template, {"SAND": SAND + density} | words)
 
 
 def run_point(case: Case, name: str, sides: str) -> Found:
