@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from talus import fit, histories
+from talus import fit, fit_decks, fit_tests, histories
 from talus.cli import main
 from talus.faults import FaultError
 from talus.programs import find_program
@@ -47,13 +47,13 @@ def write_tests(folder: Path, law: str, noise: float = 0.0) -> list[str]:
         own = f", void_ratio = {0.8 + 0.1 * k}" if law == "sanisand" else ""
         t = np.linspace(0.0, 1.0, 31)[:, None]
         strain = t * np.array([0.3, 0.2, -1.0, 0.1, 0.0, 0.2]) * 0.03
-        made = fit.Test("made", strain, np.full((31, 6), -pressure) * [1, 1, 1, 0, 0, 0])
+        made = fit_tests.Test("made", strain, np.full((31, 6), -pressure) * [1, 1, 1, 0, 0, 0])
         deck = folder / f"test{k}.nml"
-        deck.write_text(fit.deck_of(text.format(**true) + own + ", id = 'm'", made))
+        deck.write_text(fit_tests.deck_of(text.format(**true) + own + ", id = 'm'", made))
         subprocess.run([find_program("talus-fem"), deck, "--point"], check=True, stdout=-3)
         table = histories.read(folder / f"test{k}_point.csv").columns
-        heads = [f"strain {c} [-]" for c in fit.COMPONENTS]
-        heads += [f"stress {c} [Pa]" for c in fit.COMPONENTS]
+        heads = [f"strain {c} [-]" for c in fit_tests.COMPONENTS]
+        heads += [f"stress {c} [Pa]" for c in fit_tests.COMPONENTS]
         data = np.stack([table[h.split(" [")[0]] for h in heads], axis=1)
         data[1:, 6:] += noise * pressure * rng.standard_normal(data[1:, 6:].shape)
         path = folder / f"made{k}.csv"
@@ -91,13 +91,13 @@ def test_deck(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     assert main([*words, str(new)]) == 0
     before, after = deck.read_text().splitlines(), new.read_text().splitlines()
     assert before[0] == after[0] and len(before) == len(after)
-    material = fit.read_material(new)
+    material = fit_decks.read_material(new)
     for name, value in {"young": 1.0e8, "friction_deg": 35.0}.items():
         # the constants that were not free are not those of the tests
-        assert fit.start_value(material, name, new) == pytest.approx(value, rel=0.15)
+        assert fit_decks.start_value(material, name, new) == pytest.approx(value, rel=0.15)
     for name, value in LAWS["drucker_prager"][2].items():
         if name not in ("young", "friction_deg"):
-            assert fit.start_value(material, name, new) == value
+            assert fit_decks.start_value(material, name, new) == value
     capsys.readouterr()
     assert main([*words, str(deck)]) == 1
     assert "error E636" in capsys.readouterr().err and deck.read_text().splitlines() == before
@@ -109,9 +109,9 @@ def test_uncertainty(tmp_path: Path) -> None:
     for noise in (0.01, 0.001):
         tests = write_tests(tmp_path, "cam_clay", noise)
         deck = write_start(tmp_path, "cam_clay")
-        material = fit.read_material(deck)
-        start = {n: fit.start_value(material, n, deck) for n in LAWS["cam_clay"][1]}
-        found = fit.fit(material, start, [fit.read_test(Path(t), {}) for t in tests])
+        material = fit_decks.read_material(deck)
+        start = {n: fit_decks.start_value(material, n, deck) for n in LAWS["cam_clay"][1]}
+        found = fit.fit(material, start, [fit_tests.read_test(Path(t), {}) for t in tests])
         true = np.array(list(LAWS["cam_clay"][1].values()))
         assert np.all(np.abs(found.values - true) < 4.0 * found.deviations)
         spreads.append(found.deviations)

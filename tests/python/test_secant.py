@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from test_specimens import write_walls
 
-from talus import fit, secant
+from talus import fit_tests, secant
 from talus.cli import main
 from talus.faults import FaultError
 from talus.specimens import Specimen
@@ -52,8 +52,8 @@ def test_beside() -> None:
 def test_law(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Secants of an elastic law in uniaxial stress (*_point.csv) are its constants."""
     young, poisson, strain = 3.0e6, 0.25, np.linspace(0.0, 0.02, 11)
-    heads = [f"strain {c} [-]" for c in fit.COMPONENTS] + [
-        f"stress {c} [Pa]" for c in fit.COMPONENTS
+    heads = [f"strain {c} [-]" for c in fit_tests.COMPONENTS] + [
+        f"stress {c} [Pa]" for c in fit_tests.COMPONENTS
     ]
     zero = np.zeros_like(strain)
     side = poisson * strain
