@@ -6,8 +6,10 @@ Levenberg and Marquardt's method in the constants over their starts, within boun
 are those of the linear model about the best fit, with the scatter of the residuals.
 """
 
+import os
 import subprocess
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -19,9 +21,11 @@ from talus.fit_decks import with_constants
 from talus.fit_tests import COMPONENTS, Test, deck_of, misfit
 from talus.programs import find_program
 
+ONE_THREAD = os.environ | {"OMP_NUM_THREADS": "1"}  # tests run beside each other
 PROBE = 1.0e-4  # of a constant, for differences
 MOST_STEPS = 40
 STILL = 1.0e-7  # of the constants, in a step
+GAIN = 1.0e-6  # of the sum of squares, in the last step
 MOST_DAMPING = 1.0e10
 DIM = 1.0e-10  # of the largest influence, below which a constant has none
 APART = 1.0e-7  # least singular value over the largest: below, constants are not told apart
@@ -41,6 +45,7 @@ class Fit:
     points: int
     misfits: dict[str, float] = field(default_factory=dict)  # by test
     at_bound: list[str] = field(default_factory=list)
+    converged: bool = True  # False: the steps were used up
 
     def loose(self) -> list[str]:
         """Return constants whose standard deviation is larger than they are."""
@@ -86,7 +91,7 @@ class Model:
         self.material, self.names, self.tests = material, names, tests
         self.labels = {v for test in tests for v in test.own.values() if isinstance(v, str)}
         self.program = find_program("talus-fem")
-        self.runs, self.message = 0, ""
+        self.message = ""
         unknown = sorted(self.labels - set(names))
         if unknown:
             hint = f"--free {unknown[0]}=START, or give the test a number"
@@ -107,8 +112,7 @@ class Model:
         deck = folder / "fit.nml"
         deck.write_text(deck_of(with_constants(self.material, self.constants(test, values)), test))
         command = [str(self.program), str(deck), "--point"]
-        done = subprocess.run(command, capture_output=True, text=True)
-        self.runs += 1
+        done = subprocess.run(command, capture_output=True, text=True, env=ONE_THREAD)
         if done.returncode != 0:
             self.message = (done.stderr + done.stdout).strip()
             return None
@@ -117,14 +121,14 @@ class Model:
 
     def stresses(self, values: np.ndarray) -> list[np.ndarray] | None:
         """Return the stress of the law along all tests; None if it fails along one."""
-        found = []
-        with tempfile.TemporaryDirectory() as folder:
-            for test in self.tests:
-                stress = self.run(test, values, Path(folder))
-                if stress is None:
-                    return None
-                found.append(stress)
-        return found
+
+        def alone(test: Test) -> np.ndarray | None:
+            with tempfile.TemporaryDirectory() as folder:
+                return self.run(test, values, Path(folder))
+
+        with ThreadPoolExecutor(os.cpu_count()) as pool:
+            found = list(pool.map(alone, self.tests))
+        return None if any(stress is None for stress in found) else found
 
     def residuals(self, values: np.ndarray) -> np.ndarray | None:
         """Return stress of the law less that of the tests, over its largest; None if it fails."""
@@ -176,11 +180,14 @@ def fit(material: str, start: dict[str, float], tests: list[Test],
         if there is None or there @ there >= here @ here:
             damping *= 10.0
             continue
+        small = there @ there > (1.0 - GAIN) * (here @ here)
+        still = still or (small and damping < 1.0)
         values, here, damping = trial, there, damping / 10.0
         slopes = model.slopes(values, scale, here, bounds)
     held = bounds.pressed(values, slopes.T @ here)
     found = judged(names, values, scale, slopes, here, held)
-    found.steps, found.misfits = steps, judge(material, found, tests)
+    found.steps, found.converged = steps, bool(still or damping >= MOST_DAMPING)
+    found.misfits = judge(material, found, tests)
     return found
 
 

@@ -15,7 +15,8 @@ from talus.faults import FaultError
 from talus.fit_tests import Test, norms
 from talus.grading_plots import sieves_of
 
-YIELD = 0.01  # breakage at which a bed has yielded
+WHOLE_YET = 0.01  # breakage up to which a bed is elastic, for its modulus
+YIELD = 0.05  # a twentieth of full breakage, at which a bed has yielded
 SMALL = 1.0e-6
 WHOLE = 1.0 - 1.0e-9  # of the mass
 
@@ -109,12 +110,12 @@ def find(test: Test, grading: Path, constants: dict[str, float]) -> Crushing:
 
 
 def yield_rows(p: np.ndarray, b: np.ndarray, name: str) -> tuple[int, int]:
-    """Return the rows of the largest pressure before breakage reaches `YIELD`, and as it does."""
-    k = int(np.argmax(b >= YIELD))
-    if b[-1] < YIELD or k < 2 or k > len(b) - 3:
-        hint = f"breakage must pass {YIELD} within the test, some rows from its ends"
+    """Return the rows of the largest pressure while grains are whole, and up to yield."""
+    whole, k = int(np.argmax(b >= WHOLE_YET)), int(np.argmax(b >= YIELD))
+    if b[-1] < YIELD or whole < 2 or k > len(b) - 3:
+        hint = f"breakage must pass {WHOLE_YET} and {YIELD}, some rows from the ends of the test"
         raise FaultError("E642", f"breakage goes from {b[0]:.2g} to {b[-1]:.2g} in {name}", hint)
-    return 1 + int(np.argmax(p[1:k])), int(np.argmax(p[: k + 1]))
+    return 1 + int(np.argmax(p[1:whole])), int(np.argmax(p[: k + 1]))
 
 
 def over(values: np.ndarray, path: np.ndarray, start: int) -> float:

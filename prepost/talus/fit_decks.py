@@ -62,10 +62,8 @@ def with_constants(material: str, constants: dict[str, float]) -> str:
 def without_constants(material: str, names: tuple[str, ...]) -> str:
     """Take constants of one number out of the text of a material."""
     for name in names:
-        found = number_pattern(re.escape(name)).search(material)
-        if found:
-            rest = material[found.end() :].lstrip().removeprefix(",")
-            material = material[: found.start()] + rest
+        own = re.compile(number_pattern(re.escape(name)).pattern + r"[ \t]*,?[ \t]*", re.I)
+        material = own.sub("", material)
     return material
 
 
@@ -82,7 +80,8 @@ def fitted_deck(deck: Path, constants: dict[str, float], drop: tuple[str, ...] =
     left = dict(constants)
     for k in range(first, last + 1):
         text, mark, comment = lines[k].partition("!")
-        text = without_constants(text, drop)
+        if drop:
+            text = re.sub(r"[ \t]+(?=\n)", "", without_constants(text, drop))
         for name in list(left):
             pattern = number_pattern(re.escape(name))
             if pattern.search(text):
@@ -90,7 +89,8 @@ def fitted_deck(deck: Path, constants: dict[str, float], drop: tuple[str, ...] =
                 del left[name]
         if k == last and left:
             head, slash, rest = text.rpartition("/")
+            bare = head.rstrip().rstrip(",")
             more = ", ".join(f"{name} = {value:.6g}" for name, value in left.items())
-            text = f"{head.rstrip().rstrip(',')}, {more} {slash}{rest}"
+            text = f"{bare + ', ' if bare else head}{more} {slash}{rest}"
         lines[k] = text + mark + comment
     return "".join(lines)

@@ -120,6 +120,8 @@ def told(found: fits.Fit, start: dict[str, float]) -> list[str]:
               for name in found.loose()]  # fmt: skip
     lines += [f"{one} and {other} are hardly told apart: correlation {share:.3f}"
               for one, other, share in found.pairs(CLOSE)]  # fmt: skip
+    if not found.converged:
+        lines.append(f"NOT CONVERGED in {found.steps} steps: hold some constants, or begin nearer")
     lines.append(f"residual {PER_CENT * found.residual:.4g} % of the largest stress, "
                  f"{found.points} stresses, {found.steps} steps")  # fmt: skip
     return lines
@@ -143,6 +145,7 @@ def facts_of(found: fits.Fit, tests: list[Test], left_out: dict[str, float]) -> 
         "constants": dict(zip(found.names, map(float, found.values), strict=True)),
         "deviations": dict(zip(found.names, plain, strict=True)),
         "correlation": rows,
+        "converged": found.converged,
         "at_bound": found.at_bound,
         "not_determined": found.loose(),
         "residual": found.residual,
