@@ -1,9 +1,10 @@
-"""Write the element test of a bed between plates, periodic to the sides: bed.csv.
+"""Write the element test of a bed between plates, periodic to the sides.
 
-Usage: crushed.py, in the folder of the run. Axial stress is the mean on the two plates; lateral
-stresses have the ratio to it of the mean stress of the bed (*_cell.csv).
+Usage: crushed.py OUT.csv, in the folder of the run. Axial stress is the mean on the two plates;
+lateral stresses have the ratio to it of the mean stress of the bed (*_cell.csv).
 """
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -28,7 +29,7 @@ def main() -> None:
     heads += [f"stress {c} [Pa]" for c in COMPONENTS]
     rows = np.column_stack([walls["time"][floor], *strain, *stress])
     lines = [",".join(heads)] + [",".join(f"{value:.12g}" for value in row) for row in rows]
-    Path("bed.csv").write_text("\n".join(lines) + "\n")
+    Path(sys.argv[1]).write_text("\n".join(lines) + "\n")
 
 
 main()
