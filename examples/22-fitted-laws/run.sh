@@ -72,9 +72,10 @@ fit_sanisand() {
   done
   for kind in extension pressure; do out+=("$(named "dense-$kind" void_ratio=%)"); done
   "$talus" fit "$here/sanisand.nml" "${tests[@]}" --left-out "${out[@]}" --free \
-    stiffness_number poisson critical_slope critical_void_ratio plastic_hardening bounding_rate \
-    dilatancy dilatancy_rate \
-    --bounds poisson=0:0.45 bounding_rate=0:20 dilatancy=0:10 dilatancy_rate=0:20 \
+    stiffness_number poisson critical_slope critical_void_ratio critical_line_slope \
+    plastic_hardening hardening_void bounding_rate dilatancy dilatancy_rate \
+    --bounds poisson=0:0.45 critical_line_slope=0:0.2 hardening_void=0:1.3 bounding_rate=0:20 \
+    dilatancy=0:10 dilatancy_rate=0:20 \
     --out sanisand.json --points sanisand >sanisand.txt
 }
 

@@ -102,7 +102,7 @@ def find(test: Test, grading: Path, constants: dict[str, float]) -> Crushing:
     bulk = float((p[before] - p[0]) / volume[before])
     shear = bulk / per_young / (2.0 * (1.0 + constants["poisson"]))
     energy = index * (0.5 * p[at] ** 2 / bulk + q[at] ** 2 / (6.0 * shear)) / left[at]
-    plastic = volume + p[0] / bulk - p / ((1.0 - index * b) * bulk)
+    plastic = volume - p / ((1.0 - index * b) * bulk)  # but for that of the start
     released = energy * np.maximum(left, 0.0) / np.maximum(1.0 - b, SMALL) ** 2
     ratio = over(p, plastic, at) / over(released, b, at)
     angle = float(np.degrees(np.arctan(np.sqrt(max(ratio, 0.0)))))

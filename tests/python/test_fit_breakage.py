@@ -29,7 +29,7 @@ def make(folder: Path, ratio: float = 1.0) -> None:
     t = np.linspace(0.0, 1.0, 81)[:, None]
     lateral = 1.0 / 3.0 if ratio == 1.0 else 0.0
     strain = -0.25 * t * np.array([lateral, lateral, 1.0 - 2.0 * lateral, 0.0, 0.0, 0.0])
-    first = np.full((81, 6), -1.0e6) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
+    first = np.full((81, 6), -1.0e8) * [1.0, 1.0, 1.0, 0.0, 0.0, 0.0]
     law = LAW.format(young=YOUNG, energy=ENERGY, omega=OMEGA) + f"grading_index = {THETA}"
     deck = folder / "bed.nml"
     deck.write_text(fit_tests.deck_of(law, fit_tests.Test("bed", strain, first)))
@@ -62,6 +62,8 @@ def test_moments() -> None:
     assert fit_breakage.ultimate_moment(LEAST, LARGEST, FRACTAL) == pytest.approx(found, rel=1e-6)
     one = fit_breakage.second_moments(np.array([0.999, 1.0]), np.array([[0.0, 1.0]]))
     assert one[0] == pytest.approx(1.0, rel=2e-3)
+    wide = fit_breakage.second_moments(np.array([0.5, 1.0]), np.array([[0.0, 1.0], [1.0, 1.0]]))
+    assert wide == pytest.approx([1.75 / 3.0, 0.25 / 3.0])  # even in size between sieves
     assert 1.0 - found / LARGEST**2 == pytest.approx(THETA, rel=1e-6)
 
 
