@@ -11,6 +11,7 @@ module dem_grain_stress
   use dem_shape_state, only: shape_ellipsoid
   use dem_state, only: dem_data_type, dem_law_type, kind_free, kind_ghost, lanes, &
     history_size, history_side, history_root
+  use dem_surface_state, only: surface_membrane
   implicit none
   private
   public :: grain_stress_type, find_stresses, spare_safe, nominal_area, octahedral_of
@@ -38,6 +39,7 @@ module dem_grain_stress
   !> A contact as one of its grains sees it.
   type :: load_type
     real(wp) :: force      !! elastic normal force [N]
+    real(wp) :: plain      !! the same of this point alone, whatever its sign [N]
     real(wp) :: patch      !! square of the radius of the area [m^2]
     real(wp) :: push(3)    !! with that of the tangential spring, on the grain [N]
     real(wp) :: arm(3)     !! contact point from the grain's centre [m]
@@ -243,6 +245,7 @@ contains
       if (d%pairs%round(k)) normal = branch/norm2(branch)
       second%patch = (history(history_root)*history(history_side))**2
       second%push = second%force*normal + weight*history(1:3)
+      second%plain = second%force
       first = second
       first%push = -second%push
       first%arm = contact_point(d%pairs, law%share, lane, k)
@@ -270,16 +273,53 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: criterion(:)
     type(grain_stress_type), intent(inout) :: found
-    integer(i4) :: g, k, i
+    type(load_type), allocatable :: load(:)
+    integer(i4) :: g, k, i, first
 
+    first = huge(1_i4)
+    if (allocated(d%surfaces%membranes)) &
+      first = d%surfaces%first_part(findloc(d%surfaces%kind, surface_membrane, 1))
     do g = 1, d%surfaces%list%near
       i = d%surfaces%list%near_grain(g)
       if (criterion(d%grains%material(i)) == criterion_none) cycle
-      do k = 1, d%surfaces%list%contacts(g)
-        call add_load(d, criterion, i, surface_load(d, k, g), found)
+      load = [(surface_load(d, k, g), k=1, d%surfaces%list%contacts(g))]
+      if (first < huge(first) .and. criterion(d%grains%material(i)) == criterion_nominal) &
+        call join_loads(d, g, first, load)
+      do k = 1, size(load)
+        call add_load(d, criterion, i, load(k), found)
       end do
     end do
   end subroutine add_surfaces
+
+  !> A membrane that lies around a grain touches it at many points of one patch: each of them stands
+  !! for the sum of those on its side, at their mean place.
+  !! eq. D.73
+  pure subroutine join_loads(d, g, first, load)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: g      !! near grain
+    integer(i4), intent(in) :: first  !! part of a membrane
+    type(load_type), intent(inout) :: load(:)
+    type(load_type) :: point(size(load))
+    real(wp) :: normal(3), other(3), total(7), force
+    integer(i4) :: k, j
+
+    point = load
+    associate (list => d%surfaces%list)
+      do k = 1, size(load)
+        if (list%part(k, g) < first .or. list%sign(k, g) < 0.0_wp) cycle
+        normal = list%normal(k, :, g)
+        total = 0.0_wp
+        do j = 1, size(load)
+          other = list%normal(j, :, g)
+          if (list%part(j, g) /= list%part(k, g) .or. dot_product(normal, other) <= 0.0_wp) cycle
+          force = list%sign(j, g)*point(j)%plain
+          total = total + force*[other, point(j)%arm, 1.0_wp]
+        end do
+        load(k)%force = norm2(total(1:3))
+        if (total(7) > 0.0_wp) load(k)%arm = total(4:6)/total(7)
+      end do
+    end associate
+  end subroutine join_loads
 
   !> Contact k of near grain g.
   pure function surface_load(d, k, g) result(load)
@@ -300,6 +340,7 @@ contains
         load%force = elastic_force(law, history, none)
       end if
     end associate
+    load%plain = load%force
     load%patch = (history(history_root)*history(history_side))**2
     load%push = load%force*d%surfaces%list%normal(k, :, g) + history(1:3)
     load%arm = d%surfaces%list%point(k, :, g) - d%pairs%body(1:3, i)
@@ -321,7 +362,7 @@ contains
     case (criterion_nominal)
       this = load%force/grain_area(d, i, load%arm)
     case (criterion_hertz)
-      this = load%force/(pi*load%patch)
+      this = load%plain/(pi*load%patch)
     case (criterion_octahedral)
       this = 0.0_wp
       found%tensor(:, i) = found%tensor(:, i) + symmetric_product(load%push, load%arm)
