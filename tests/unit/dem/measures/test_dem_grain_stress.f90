@@ -21,6 +21,7 @@ program test_dem_grain_stress
   call check_octahedral()
   call check_row(.false.)
   call check_row(.true.)
+  call check_pressure()
   call test%finish()
 
 contains
@@ -99,6 +100,35 @@ contains
                           sqrt(2.0_wp)*force/(pi*radius*overlap), &
                           1.0e-9_wp*force/(pi*radius*overlap))
   end subroutine check_row
+
+  !> Two spheres pressed by the force that is the limit of a contact pressure of 1.9 GPa at
+  !! E* = 35 GPa and R_e = 0.5 mm, as another program has it.
+  subroutine check_pressure()
+    type(dem_system_type) :: s
+    type(grain_stress_type) :: found
+    type(error_list_type) :: errors
+    real(wp), parameter :: limit = 24.413883491729447_wp, pressure = 1.9e9_wp, e_star = 35.0e9_wp
+    real(wp) :: x(3, 2), zero(3, 2), squeezed
+    allocate (s%materials(1), s%laws(1, 1))
+    s%materials%density = 2650.0_wp
+    s%materials%poisson = 0.25_wp
+    s%materials%young = 2.0_wp*e_star*(1.0_wp - 0.25_wp**2)
+    s%laws = make_law('hertz_mindlin', s%materials(1), s%materials(1), 0.5_wp, 0.0_wp, 0.0_wp)
+    squeezed = (limit/(4.0_wp/3.0_wp*e_star*sqrt(0.5_wp*radius)))**(2.0_wp/3.0_wp)
+    zero = 0.0_wp
+    x = 0.0_wp
+    x(1, 2) = 2.0_wp*radius - squeezed
+    call make_grains(s%grains, s%materials, [1_i8, 2_i8], [kind_free, kind_free], [1_i4, 1_i4], x, &
+                     spread([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 2, 2), zero + radius, zero, zero, &
+                     errors)
+    s%par%dt = 1.0e-8_wp
+    call s%init(errors)
+    call test%check('no faults', .not. errors%any())
+    call find_stresses(s%dem_data_type, [criterion_hertz], found)
+    call test%check_all_close('pressure at the limit', found%stress, [pressure, pressure], &
+                              1.0e-11_wp*pressure)
+    call test%check_all_close('force at the limit', found%force, [limit, limit], 1.0e-11_wp*limit)
+  end subroutine check_pressure
 
   !> Grains above their strength have their stress to the bit, those far below it are passed over:
   !! the sum of the forces bounds the stress of the lower sphere to 1.1 times itself.
