@@ -1,6 +1,7 @@
 !> Grains that break in a look (theory-dem, Breakage of grains).
 module dem_breakage_choice
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
+  use dem_make, only: sorted_order
   use dem_state, only: dem_data_type, lanes, history_side
   implicit none
   private
@@ -23,7 +24,8 @@ contains
       order = some
       return
     end if
-    call sort_by_ratio(stress/limit, some)
+    ! positive reals are in the order of their bits; equal ones stay in that of their ids
+    some = some(sorted_order(-transfer(stress(some)/limit(some), [0_i8])))
     breaks = .false.
     breaks(some) = .true.
     call find_partners(d, breaks, start, partner)
@@ -34,23 +36,6 @@ contains
     end do
     order = pack(some, breaks(some))
   end subroutine choose_grains
-
-  !> Grains by falling ratio; equal ones stay in their order.
-  pure subroutine sort_by_ratio(ratio, some)
-    real(wp), intent(in) :: ratio(:)
-    integer(i4), intent(inout) :: some(:)
-    integer(i4) :: k, j, this
-    do k = 2, size(some)
-      this = some(k)
-      j = k - 1
-      do while (j > 0)
-        if (ratio(some(j)) >= ratio(this)) exit
-        some(j + 1) = some(j)
-        j = j - 1
-      end do
-      some(j + 1) = this
-    end do
-  end subroutine sort_by_ratio
 
   !> Marked grains that touch each other: those of grain i from start(i) to start(i + 1) - 1.
   pure subroutine find_partners(d, marked, start, partner)

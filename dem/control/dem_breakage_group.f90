@@ -11,7 +11,7 @@ module dem_breakage_group
   use dem_breakage_growth, only: growth_factor
   use dem_breakage_masses, only: mass_names, mass_solid, mass_parent, density_factor
   use dem_fragments, only: family_names, family_count, family_radii, family_fourteen, &
-    family_halves, split_axis
+    family_halves, slenderness_of_halves
   use dem_grain_stress, only: criterion_names, criterion_hertz
   use dem_limits, only: rayleigh_of
   use dem_shape_make, only: most_slender
@@ -180,28 +180,22 @@ contains
       'allow_unstable = .true.')
   end subroutine check_foreseen
 
-  !> Halves of a slender grain may be more slender than shapes can be (D358).
+  !> Halves of a slender grain may be more slender than shapes can be, wherever it is cut (D358).
+  !! Where one cut leaves halves that can be, those of the halves can, too: that across the longest
+  !! axis.
   subroutine check_slender(deck, k, d, i, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k, i
     type(dem_data_type), intent(in) :: d
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: upper(3), lower(3), exponent, load(3), axes(3)
-    integer(i4) :: j, axis
+    real(wp) :: upper(3), lower(3), exponent
+    integer(i4) :: j
     call semi_axes_of(d, i, upper, lower, exponent)
-    do j = 1, 3
-      load = 0.0_wp
-      load(j) = 1.0_wp
-      axis = split_axis(upper, lower, load)
-      axes = half_axis**(1.0_wp/exponent)*[upper(1), upper(2), upper(3)]
-      axes(axis) = (1.0_wp - half_axis)*min(upper(axis), lower(axis))
-      if (maxval(axes) <= most_slender*minval(axes)) cycle
-      call deck%fault(errors, 'D358', 'halves of grain '//str(d%grains%id(i))//', with '// &
-                      'semi-axes '//str(upper)//' m, may be more slender than 1 to '// &
-                      str(most_slender), 'breakage', k, 'family', "take 'fourteen', whose "// &
-                      "fragments keep the shape, or 'none'")
-      return
-    end do
+    if (any([(slenderness_of_halves(upper, lower, exponent, j), j=1, 3)] <= most_slender)) return
+    call deck%fault(errors, 'D358', 'halves of grain '//str(d%grains%id(i))//', with semi-axes '// &
+                    str(upper)//' m, are more slender than 1 to '//str(most_slender)// &
+                    ' wherever it is cut', 'breakage', k, 'family', "take 'fourteen', whose "// &
+                    "fragments keep the shape, or 'none'")
   end subroutine check_slender
 
   !> Generations, least size and step, and number of what may come of grain i.

@@ -12,6 +12,7 @@ module dem_breakage_pieces
   use dem_packing, only: dem_packing_type
   use dem_shape, only: at_centre
   use dem_shape_mass, only: shape_mass_type, mass_of_shape
+  use dem_shape_make, only: most_slender
   use dem_shape_state, only: shape_ellipsoid
   use dem_state, only: dem_data_type, dem_grains_type
   implicit none
@@ -32,13 +33,14 @@ contains
     type(dem_packing_type), intent(inout) :: batch
     real(wp), intent(out) :: surface         !! [m^2]
     type(fragment_type), allocatable :: fragment(:)
-    real(wp) :: upper(3), lower(3), exponent, quat(4), r(3, 3), origin(3)
+    real(wp) :: upper(3), lower(3), exponent, quat(4), r(3, 3), origin(3), load(3)
     integer(i4) :: k, n, axis
 
     call semi_axes_of(d, i, upper, lower, exponent)
     call frame_of(d, i, quat, origin)
     r = rotation_of(quat)
-    axis = split_axis(upper, lower, matmul(toward, r)/max(norm2(toward), tiny(1.0_wp)))
+    load = matmul(toward, r)/max(norm2(toward), tiny(1.0_wp))
+    axis = split_axis(upper, lower, load, exponent, most_slender)
     call make_fragments(group%family, upper, lower, exponent, turn_in(d, i, group), axis, fragment)
     surface = created_area(group%family, upper, lower, exponent, axis)
     do k = 1, size(fragment)

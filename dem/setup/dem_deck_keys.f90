@@ -1786,8 +1786,8 @@ contains
       'Fragments. `fourteen`: six large and eight small ones of the grain''s own shape, ' &
       //'52 % of its volume (48 to 49 % of a superquadric); those of spheres and ' &
       //'ellipsoids are turned at random by the id. `halves`: two, cut by the plane that ' &
-      //'bears the load best, 75 % of the volume of an ellipsoid. `none`: the grain ' &
-      //'vanishes.')
+      //'bears the load best of those whose halves are not too slender, 75 % of the ' &
+      //'volume of an ellipsoid. `none`: the grain vanishes.')
     call table%preset('fourteen')
     call table%allow('fourteen|halves|none')
     call table%add_key('check_every', 'integer', '', &

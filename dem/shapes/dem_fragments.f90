@@ -10,7 +10,8 @@ module dem_fragments
   use dem_ellipsoid, only: rotation_of
   implicit none
   private
-  public :: fragment_type, make_fragments, family_names, family_radii, family_count, split_axis
+  public :: fragment_type, make_fragments, family_names, family_radii, family_count, split_axis, &
+    slenderness_of_halves
   public :: area_of, created_area
   public :: family_fourteen, family_halves, family_none
 
@@ -141,12 +142,33 @@ contains
     size(2) = 1.0_wp - root3*place
   end subroutine family_radii
 
-  !> Axis whose principal plane holds a load best: the longest across it.
-  pure integer(i4) function split_axis(upper, lower, load)
+  !> Axis whose principal plane holds a load best: the longest across it of those whose halves are
+  !! not too slender; the longest of all where none is.
+  !! eq. D.74
+  pure integer(i4) function split_axis(upper, lower, load, exponent, most_slender)
     real(wp), intent(in) :: upper(3), lower(3)  !! [m]
     real(wp), intent(in) :: load(3)             !! unit vector in the frame of the octants
-    split_axis = maxloc((upper + lower)*sqrt(max(1.0_wp - load**2, 0.0_wp)), 1)
+    real(wp), intent(in) :: exponent            !! p [-]
+    real(wp), intent(in) :: most_slender        !! greatest over least semi-axis of a half [-]
+    logical :: fits(3)
+    integer(i4) :: k
+    fits = [(slenderness_of_halves(upper, lower, exponent, k) <= most_slender, k=1, 3)]
+    split_axis = maxloc((upper + lower)*sqrt(max(1.0_wp - load**2, 0.0_wp)), 1, mask=fits)
+    if (split_axis == 0) split_axis = maxloc(upper + lower, 1)
   end function split_axis
+
+  !> Greatest over least semi-axis of the halves of a grain that is cut across an axis, the more
+  !! slender one's.
+  pure real(wp) function slenderness_of_halves(upper, lower, exponent, axis) result(ratio)
+    real(wp), intent(in) :: upper(3), lower(3)  !! [m]
+    real(wp), intent(in) :: exponent            !! p [-]
+    integer(i4), intent(in) :: axis             !! that is cut
+    type(fragment_type) :: half(2)
+    integer(i4) :: k
+    call put_halves(upper, lower, exponent, axis, half)
+    ratio = maxval([(max(maxval(half(k)%upper), maxval(half(k)%lower)) &
+                     /min(minval(half(k)%upper), minval(half(k)%lower)), k=1, 2)])
+  end function slenderness_of_halves
 
   !> Surface that appears when a grain of this surface breaks [m^2].
   pure real(wp) function created_area(family, upper, lower, exponent, axis) result(created)

@@ -5,7 +5,7 @@ program test_dem_fragments
   use talus_random, only: unit_number, turn_of
   use talus_test, only: test_type
   use dem_fragments, only: fragment_type, make_fragments, family_radii, family_fourteen, &
-    family_halves, family_none, area_of, created_area, split_axis
+    family_halves, family_none, area_of, created_area, split_axis, slenderness_of_halves
   use dem_shape, only: shape_size, shape_of, shape_height
   use dem_shape_gap, only: solve_shapes
   use dem_shape_mass, only: shape_mass_type, mass_of_shape
@@ -20,6 +20,7 @@ program test_dem_fragments
     3.0_wp, 0.386488_wp, 0.260414_wp, 0.512800_wp, 0.487667_wp, &
     4.0_wp, 0.372885_wp, 0.278815_wp, 0.547982_wp, 0.484478_wp, &
     8.0_wp, 0.352857_wp, 0.306433_wp, 0.604572_wp, 0.493798_wp], [5, 4])
+  real(wp), parameter :: slender = 50.0_wp
   integer(i4) :: k
 
   do k = 1, size(table, 2)
@@ -30,6 +31,7 @@ program test_dem_fragments
   end do
   call check_turned()
   call check_reference()
+  call check_generations()
   call check_areas()
   call test%finish()
 
@@ -157,10 +159,55 @@ contains
       [0.0021650635094610966_wp, 0.0017320508075688772_wp, 0.001125_wp], 1.0e-11_wp)
     call test%check_all_close('half, lower', fragment(1)%lower, &
       [0.001299038105676658_wp, 0.0017320508075688772_wp, 0.000375_wp], 1.0e-11_wp)
-    call test%check('cut across the longest', split_axis(upper, upper, [0.0_wp, 0.0_wp, 1.0_wp]) &
-                    == 1)
-    call test%check('a load along it', split_axis(upper, upper, [1.0_wp, 0.0_wp, 0.0_wp]) == 2)
+    call test%check('cut across the longest', split_axis(upper, upper, [0.0_wp, 0.0_wp, 1.0_wp], &
+                                                     2.0_wp, slender) == 1)
+    call test%check('a load along it', split_axis(upper, upper, [1.0_wp, 0.0_wp, 0.0_wp], &
+                                                  2.0_wp, slender) == 2)
   end subroutine check_reference
+
+  !> Halves of halves under loads of any direction, for ten generations: none is too slender to be
+  !! halved again. Without that condition one in some is.
+  subroutine check_generations()
+    real(wp), parameter :: free = huge(1.0_wp)
+    call test%check('a long grain under a load along it', split_axis([20.0_wp, 1.0_wp, 0.5_wp], &
+      [20.0_wp, 1.0_wp, 0.5_wp], [1.0_wp, 0.0_wp, 0.0_wp], 2.0_wp, slender) == 1)
+    call test%check('across its axis it would be too slender', slenderness_of_halves( &
+      [20.0_wp, 1.0_wp, 0.5_wp], [20.0_wp, 1.0_wp, 0.5_wp], 2.0_wp, 3_i4) > slender)
+    call test%check('sphere', most_of_generations(upper(1)*[1.0_wp, 1.0_wp, 1.0_wp], slender) &
+                    <= slender)
+    call test%check('long', most_of_generations([8.0_wp, 0.4_wp, 0.5_wp], slender) <= slender)
+    call test%check('long, without the condition', &
+                    most_of_generations([8.0_wp, 0.4_wp, 0.5_wp], free) > slender)
+  end subroutine check_generations
+
+  !> Slenderness of the most slender piece of many chains of ten halvings [-].
+  real(wp) function most_of_generations(axes, limit) result(most)
+    real(wp), intent(in) :: axes(3), limit
+    integer(i8), parameter :: chains = 400, generations = 10
+    type(fragment_type), allocatable :: fragment(:)
+    type(fragment_type) :: piece
+    real(wp) :: load(3), p
+    integer(i8) :: k, g
+    integer(i4) :: axis, which
+    most = 0.0_wp
+    do k = 1, chains
+      piece%upper = axes
+      piece%lower = axes
+      p = 2.0_wp + 8.0_wp*unit_number(k, 5_i8)
+      do g = 1, generations
+        load = [(unit_number(generations*k + g, int(axis, i8)), axis=1, 3)] - 0.5_wp
+        load = load*(piece%upper + piece%lower)  ! mostly along the longest axis
+        axis = split_axis(piece%upper, piece%lower, load/norm2(load), p, limit)
+        call make_fragments(family_halves, piece%upper, piece%lower, p, unturned, axis, fragment)
+        which = merge(1, 2, unit_number(generations*k + g, 4_i8) > 0.5_wp)
+        piece = fragment(which)
+        most = max(most, max(maxval(piece%upper), maxval(piece%lower)) &
+                   /min(minval(piece%upper), minval(piece%lower)))
+        call test%check('skew that shapes may have', all(abs(piece%upper - piece%lower) &
+                        <= 0.8_wp*(piece%upper + piece%lower)))
+      end do
+    end do
+  end function most_of_generations
 
   !> A sphere, an oblate spheroid by its formula, and a family's surface piece by piece.
   subroutine check_areas()
