@@ -25,10 +25,12 @@ import manual_links
 import manual_page
 import manual_search
 import markdown
+import verification_index
+import verification_table
 from latex2mathml.converter import convert as latex_to_mathml
+from verification_table import VALIDATION, cell
 
 ROOT = Path(__file__).resolve().parent.parent
-VALIDATION = "validation"  # the area of cases, and the page, that compare with experiments
 # a displayed formula and its label, as in $$ a = b $$ {D.12}
 DISPLAYED = re.compile(r"\$\$(.+?)\$\$(?: \{([A-Z]\.\d+)\})?", flags=re.S)
 
@@ -66,11 +68,6 @@ def title_of(source: str, name: str) -> str:
     return found[1] if found else name
 
 
-def cell(text: str) -> str:
-    """Return text as one cell of a Markdown table."""
-    return " ".join(text.split()).replace("|", "\\|")
-
-
 def errors_page() -> str:
     """Return the chapter of error codes from */errors.toml."""
     lines = [
@@ -97,24 +94,26 @@ def errors_page() -> str:
 
 def verification_page(folder: Path, out: Path) -> str:
     """Return the verification chapter from summary.json; copies the figures beside the pages."""
-    lines = ["# Verification", ""]
-    summary = folder / "summary.json"
-    if not summary.exists():
-        return "\n".join(
-            [*lines, "No results yet: run `make verification`, then `make manual`.", ""]
-        )
-    data = json.loads(summary.read_text())
-    cases = [case for case in data["cases"] if case.get("area") != VALIDATION]
-    failed = [case for case in cases if not case["pass"]]
-    lines += [f"{len(cases)} cases, {len(failed)} failing; version {data.get('version', '?')}."]
-    lines += ["Cases that fail are in red; nothing is tuned to pass.", ""]
-    lines += ["Experiments are in a chapter of their own: [validation](validation.md).", ""]
-    for area in ["dem", "fem", "couple"]:
-        chosen = [case for case in cases if case.get("area") == area]
-        if chosen:
-            lines += [f"## {area}", ""]
-        for case in chosen:
-            lines += case_lines(case, folder, out)
+    found, version = verification_table.results(folder)
+    facts = [f for f in verification_table.all_cases() if f["area"] != VALIDATION]
+    verification_table.write_badge(out / "figures" / verification_table.BADGE, folder)
+    counts = verification_table.counted(facts, found)
+    lines = ["# Verification", "", f"![Verification](figures/{verification_table.BADGE})", ""]
+    lines += [f"{len(facts)} cases: {verification_table.counts_text(counts)}"
+              + (f"; results of version {version}." if found else "."), ""]  # fmt: skip
+    lines += ["Cases that fail are in red; nothing is tuned to pass. `make verification` runs all, "
+              "`make verification CASE=id` one. Which case uses which key, law or method is in the "
+              "[index by feature](verification-index.md); experiments are in a chapter of their "
+              "own, [validation](validation.md).", ""]  # fmt: skip
+    lines += ["## All cases", "", "The metric is the one that is nearest to its limit. Where a "
+              "value is expected, `value` is the distance from it; ≥ marks a limit from below.",
+              ""]  # fmt: skip
+    lines += [*verification_table.table(facts, found), ""]
+    for area in verification_table.AREAS:
+        lines += [f"## {area}", ""]
+        for case in (f for f in facts if f["area"] == area):
+            result = found.get(case["id"])
+            lines += case_lines(result, folder, out) if result else not_run(case, case["folder"])
     return "\n".join(lines)
 
 
@@ -138,20 +137,31 @@ def validation_lines(folder: Path, out: Path) -> str:
     return "\n".join([*table, "", *lines])
 
 
+def beside(readme: str) -> str:
+    """Return the page of a case whose links to other cases lead to their sections."""
+    return re.sub(r"\]\(\.\./(\w+)/README\.md\)", r"](#case-\1)", readme)
+
+
 def not_run(facts: dict, folder: Path) -> list[str]:
-    """Return the section of an experiment that was not run: its page as it is in the repository."""
-    page = re.sub(r"^# .*\n", "", (folder / "README.md").read_text(), count=1)
-    return [f"### {facts['title']} ({facts['id']}) <span>not run</span>", "", page, ""]
+    """Return the section of a case that was not run: its page as it is in the repository."""
+    readme = folder / "README.md"
+    page = facts.get("claim", "")
+    if readme.exists():
+        page = re.sub(r"^# .*\n", "", beside(readme.read_text()), count=1)
+    anchor = f"<span id='case-{facts['id']}'>not run</span>"
+    return [f"### {facts['title']} ({facts['id']}) {anchor}", "", page, ""]
 
 
 def case_lines(case: dict, folder: Path, out: Path) -> list[str]:
     """Return the lines of one verification case: text, table of metrics, figure."""
     state = "pass" if case["pass"] else "fail"
-    lines = [f"### {case['title']} ({case['id']}) <span class='{state}'>{state}</span>", ""]
+    anchor = f"<span id='case-{case['id']}' class='{state}'>{state}</span>"
+    lines = [f"### {case['title']} ({case['id']}) {anchor}", ""]
     readme = ROOT / "verification" / case.get("area", "") / case["id"] / "README.md"
     if readme.exists():
         # without its title and its table of measured values: those of this run follow
-        lines += [re.sub(r"^(# |\|).*\n", "", readme.read_text(), flags=re.MULTILINE), ""]
+        text = beside(readme.read_text())
+        lines += [re.sub(r"^(# |\|).*\n", "", text, flags=re.MULTILINE), ""]
     else:
         lines += [case.get("claim", ""), "", f"*Source: {case.get('source', '')}*", ""]
     if case.get("error"):
@@ -209,6 +219,7 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     pages["errors"] = errors_page()
     pages["verification"] = verification_page(verification, out)
     pages["verification"] += noticed_faults(ROOT / "manual/mutants.csv")
+    pages["verification-index"] = verification_index.page()
     pages[VALIDATION] += validation_lines(verification, out)
     pages["speed"] += speed_results(ROOT / "manual/speed.csv", out)
     return pages

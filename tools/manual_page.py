@@ -38,7 +38,7 @@ PARTS = {
         "theory-coupling",
         "theory-overlap",
     ],
-    "Evidence": ["verification", "validation", "speed"],
+    "Evidence": ["verification", "verification-index", "validation", "speed"],
     "Extend": ["extending", "port", "own-solver", "fenicsx", "scikit-fem", "lammps"],
     "Releases": ["newcomers", "release-next", "release-0.2.0"],
 }

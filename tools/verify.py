@@ -1,12 +1,13 @@
-"""Run verification cases and write build/verification/summary.json.
+"""Run verification cases and write build/verification/summary.json and a badge of its counts.
 
 Usage: verify.py [--case ID ...] [--area NAME ...] [--quick] [--ranks N] [--solid-ranks N]
-       [--jobs N] [--bin build/bin] [--out build/verification]
+       [--jobs N] [--accept] [--bin build/bin] [--out build/verification]
 A case is verification/<area>/<id>/ with case.toml and exact.py (see talus.verification).
 Cases that were not run keep their last result in the summary. With --ranks every run of talus-dem,
 by talus-couple too, has that many, with --solid-ranks every talus-fem of a coupled run; give --out
 another folder then. A case whose case.toml says by `one_solid_rank` why its solid cannot have ranks
 is named with that reason and not run. With --jobs so many cases run at a time, on one thread each.
+With --accept (`make verification ACCEPT=1`) the badge of the README is written anew.
 """
 
 import argparse
@@ -26,6 +27,8 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parent.parent
 sys.path.insert(0, str(ROOT / "prepost"))
 sys.dont_write_bytecode = True
+
+import verification_table  # noqa: E402
 
 from talus import version  # noqa: E402
 from talus.verification import Case  # noqa: E402
@@ -135,6 +138,9 @@ def main() -> int:
     parser.add_argument("--ranks", type=int, default=0)
     parser.add_argument("--solid-ranks", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=1)
+    # make hands the variables of its command line on
+    accepted = bool(os.environ.get("ACCEPT"))
+    parser.add_argument("--accept", action="store_true", default=accepted)
     parser.add_argument("--bin", type=Path, default=ROOT / "build/bin")
     parser.add_argument("--out", type=Path, default=ROOT / "build/verification")
     options = parser.parse_args()
@@ -156,6 +162,9 @@ def main() -> int:
         show(entry)
         ordered = [results[name] for name in cases if name in results]
         summary.write_text(json.dumps({"version": version(), "cases": ordered}, indent=1) + "\n")
+    badges = [out, *([ROOT / "manual"] if options.accept else [])]
+    for folder in badges:
+        verification_table.write_badge(folder / verification_table.BADGE, out)
     print(f"{passed} passed, {failed} failed")
     nothing = not passed and not options.solid_ranks  # a case of grains alone has no solid
     return 1 if failed or nothing else 0
