@@ -21,6 +21,7 @@ import tomllib
 from pathlib import Path
 
 import bench_table
+import manual_api
 import manual_links
 import manual_page
 import manual_search
@@ -217,6 +218,7 @@ def gather(out: Path, verification: Path) -> dict[str, str]:
     pages |= {path.stem: path.read_text() for path in (ROOT / "manual").glob("*.md")}
     pages |= manual_links.example_pages(ROOT, out)
     pages["errors"] = errors_page()
+    pages["api"] = manual_api.page()
     pages["verification"] = verification_page(verification, out)
     pages["verification"] += noticed_faults(ROOT / "manual/mutants.csv")
     pages["verification-index"] = verification_index.page()

@@ -29,7 +29,7 @@ PARTS = {
         "view",
         "study",
     ],
-    "Reference": ["deck-dem", "deck-fem", "deck-couple", "files", "errors", "glossary"],
+    "Reference": ["deck-dem", "deck-fem", "deck-couple", "files", "errors", "api", "glossary"],
     "Theory": [
         "theory-notation",
         "theory-differences",
