@@ -22,6 +22,7 @@ from pathlib import Path
 
 import bench_table
 import manual_api
+import manual_domains
 import manual_links
 import manual_page
 import manual_search
@@ -238,9 +239,10 @@ def speed_results(accepted: Path, out: Path) -> str:
 
 
 def built(out: Path, verification: Path) -> tuple[dict[str, str], dict[str, str], int]:
-    """Return titles and bodies of all pages in reading order, and the number of dead links."""
+    """Return titles and bodies of all pages in reading order, and how many links are dead."""
     out.mkdir(parents=True, exist_ok=True)
     pages = gather(out, verification)
+    manual_domains.write(out / "figures")
     for picture in sorted((ROOT / "manual").glob("*.png")):
         shutil.copy(picture, out)
     names = [name for part in manual_page.by_parts(pages).values() for name in part]
@@ -251,13 +253,14 @@ def built(out: Path, verification: Path) -> tuple[dict[str, str], dict[str, str]
         bodies[name] = manual_search.with_rows(name, bodies[name])
         faults += [(name, target) for target in dead]
     faults += manual_links.dead_anchors(bodies)
+    faults += manual_links.missing_images(bodies, out)
     for name, target in faults:
-        print(f"manual: page {name} links to {target}, which does not exist", file=sys.stderr)
+        print(f"manual: page {name} names {target}, which does not exist", file=sys.stderr)
     return titles, bodies, len(faults)
 
 
 def main() -> int:
-    """Build the manual; return 0, or 1 when a page links to one that does not exist."""
+    """Build the manual; return 0, or 1 when a page names a page or an image that is not there."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=ROOT / "build/manual")
     parser.add_argument("--verification", type=Path, default=ROOT / "build/verification")

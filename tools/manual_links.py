@@ -60,3 +60,13 @@ def dead_anchors(bodies: dict[str, str]) -> list[tuple[str, str]]:
             if (target or name) in ids and anchor not in ids[target or name]:
                 found.append((name, f"{target or name}#{anchor}"))
     return found
+
+
+def missing_images(bodies: dict[str, str], out: Path) -> list[tuple[str, str]]:
+    """Return page and name of the images that are not in the folder of the manual."""
+    found = []
+    for name, body in bodies.items():
+        for source in re.findall(r"""<img[^>]*\bsrc=["']([^"']+)["']""", body):
+            if not source.startswith("data:") and not (out / source).exists():
+                found.append((name, source))
+    return found

@@ -12,6 +12,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
 
+import manual_links  # noqa: E402
 import manual_page  # noqa: E402
 import manual_pdf  # noqa: E402
 import manual_search  # noqa: E402
@@ -84,6 +85,41 @@ def test_every_page_has_a_place() -> None:
     assert len(set(listed)) == len(listed)
     written = {path.stem for path in (ROOT / "manual").glob("*.md")}
     assert written <= set(listed)
+
+
+@pytest.fixture(scope="module")
+def whole(tmp_path_factory: pytest.TempPathFactory) -> subprocess.CompletedProcess:
+    """Build the real manual, without results of verification."""
+    folder = tmp_path_factory.mktemp("whole")
+    tool = [sys.executable, ROOT / "tools/manual.py", "--out", folder / "out"]
+    done = subprocess.run([*tool, "--verification", folder / "none"], capture_output=True,
+                          text=True, timeout=300)  # fmt: skip
+    done.folder = folder / "out"
+    return done
+
+
+def test_no_dead_links_and_images(whole: subprocess.CompletedProcess) -> None:
+    """Every link of the real manual leads somewhere, and every image is there."""
+    assert (whole.returncode, whole.stderr) == (0, "")
+    pages = {path.stem for path in whole.folder.glob("*.html")}
+    assert {path.stem for path in (ROOT / "manual").glob("*.md")} | {"api", "errors"} <= pages
+    images = {name for path in whole.folder.glob("*.html")
+              for name in re.findall(r'<img[^>]*src="([^"]+)"', path.read_text())}  # fmt: skip
+    assert {"figures/domains-facets.svg", "figures/domains-overlap.svg"} <= images
+    assert all((whole.folder / name).stat().st_size for name in images)
+
+
+def test_dead_ends_are_found(tmp_path: Path) -> None:
+    """A missing image, page or heading is a fault with its page."""
+    (tmp_path / "there.png").write_bytes(b"x")
+    bodies = {
+        "a": '<h1 id="top">A</h1><img alt="" src="there.png"><img src="figures/gone.svg">'
+        '<a href="b.html#none">x</a><a href="#top">y</a>',
+        "b": "<img src='data:image/png;base64,x'>",
+    }
+    assert manual_links.missing_images(bodies, tmp_path) == [("a", "figures/gone.svg")]
+    assert manual_links.dead_anchors(bodies) == [("a", "b#none")]
+    assert manual_links.linked('<a href="nowhere.md">x</a>', bodies)[1] == ["nowhere"]
 
 
 def test_aligned_formula() -> None:
