@@ -39,7 +39,7 @@ PARTS = {
         "theory-overlap",
     ],
     "Evidence": ["verification", "verification-index", "validation", "speed"],
-    "Extend": ["extending", "port", "own-solver", "fenicsx", "scikit-fem", "lammps"],
+    "Extend": ["extending", "style", "port", "own-solver", "fenicsx", "scikit-fem", "lammps"],
     "Releases": ["newcomers", "release-next", "release-0.2.0"],
 }
 REST = "Examples"
