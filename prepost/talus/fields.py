@@ -9,7 +9,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from talus.datasets import DAMAGE, all_numbers, numbers
+from talus.datasets import DAMAGE, all_numbers, numbers, word
 from talus.elements import KINDS, MESHIO
 from talus.faults import FaultError
 from talus.files import make_folder, replaced, write_text_file
@@ -226,6 +226,12 @@ def has_steps(path: Path) -> bool:
             return "steps" in file
     except DAMAGE:
         return False
+
+
+def of_a_grid(path: Path) -> bool:
+    """Whether a field file holds fields of a grid among grains, and neither grains nor a solid."""
+    with h5py.File(path) as file:
+        return word(file.attrs.get("format", b"")) in ("talus-grid", "talus-pore")
 
 
 def displacement(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:

@@ -111,14 +111,14 @@ def sentence(note: str) -> str:
     return f"{text[:1].upper()}{text[1:]}."
 
 
-def panel(name: str, program: str, light: Light) -> str:
-    """Return the light of one run as HTML."""
+def panel(name: str, program: str, light: Light, links: str = "") -> str:
+    """Return the light of one run as HTML; `links` lead to the lines of its log."""
     why = " ".join(html.escape(text) for text in light.why)
     cure = " ".join(html.escape(text) for text in light.cure)
     do = f'<div class="do">What to do: {cure}</div>' if cure else ""
     return (
         f'<div class="light {light.colour}"><span class="lamp"></span><div><b>{html.escape(name)}'
-        f"</b> ({html.escape(program)}): <b>{light.colour}</b>. {why}{do}</div></div>"
+        f"</b> ({html.escape(program)}): <b>{light.colour}</b>. {why}{do}{links}</div></div>"
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from talus import gallery, lights, pictures, version, view
+from talus import gallery, lights, pictures, report_log, version, view, view_data
 from talus.faults import FaultError
 from talus.look import figure_bytes
 
@@ -26,6 +26,10 @@ border-radius:50%;margin-top:.15rem}.green{border-color:#1f8f4d}.green .lamp{bac
 .amber{border-color:#e0a100}.amber .lamp{background:#e0a100}.red{border-color:#c0182b}
 .red .lamp{background:#c0182b}.do{color:#444c56}.whole{font-size:1.05rem}
 summary{cursor:pointer;font-weight:600;margin:.5rem 0}
+.log pre{font-size:.82em;line-height:1.35;overflow-x:auto;background:#f7f8f9;padding:.6rem}
+.log .error{color:#b00020;font-weight:700}.log .warning{color:#8a6d00;font-weight:700}
+.log .health{font-weight:700}.log span:target{background:#fff0b3}
+iframe{width:100%;height:36rem;border:1px solid #cfd6de}
 """
 MAIN_ROWS = (
     "version",
@@ -37,6 +41,9 @@ MAIN_ROWS = (
     "time_s",
     "grain_steps_per_s",
 )
+
+VIEW_LIMIT = 4_000_000  # bytes of a view in three dimensions within a report
+VIEW_FRAMES = 20
 
 COUPLE, GRAINS = "talus-couple", "talus-dem"
 
@@ -157,6 +164,23 @@ def figures(folder: Path) -> list[str]:
     return parts
 
 
+def view_of(folder: Path) -> list[str]:
+    """Return the view of a run in three dimensions as HTML, if it is small."""
+    try:
+        grains, solid = view.files_of(folder, None)
+        page = view.html_of(view_data.build(grains, solid, VIEW_FRAMES), folder.resolve().name)
+    except FaultError:
+        return []
+    size = len(page.encode())
+    if size > VIEW_LIMIT:
+        text = (f"The view in three dimensions has {size / 1e6:.1f} MB and is not in this page "
+                f"(limit {VIEW_LIMIT / 1e6:.0f} MB): talus view {folder}")  # fmt: skip
+        return [f"<p>{html.escape(text)}</p>"]
+    return [f'<details id="view"><summary>View in three dimensions ({size / 1e6:.1f} MB)</summary>'
+            f'<iframe title="view" loading="lazy" srcdoc="{html.escape(page)}"></iframe></details>'
+            ]  # fmt: skip
+
+
 def build(folder: Path, title: str) -> str:
     """Return the page: pictures and plots, the light of each program, tables folded."""
     runs = runs_of(folder)
@@ -174,10 +198,14 @@ def build(folder: Path, title: str) -> str:
             f' (<a href="#health">{worst}</a>)</div></div>'
         )
     parts += shapes
+    parts += view_of(folder)
     if runs:
         parts.append('<h2 id="health">Health</h2>')
-        parts += [lights.panel(run.name, run.program, run.light) for run in runs]
+        logs = {run.name: report_log.read(folder, run.name) for run in runs}
+        parts += [lights.panel(run.name, run.program, run.light, report_log.links(logs[run.name]))
+                  for run in runs]  # fmt: skip
         parts += ["<h2>Numbers</h2>", *map(tables, runs)]
+        parts += report_log.section([log for log in logs.values() if log])
     return page_of(title or f"Results in {folder.resolve().name}", parts)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from talus import version, view_data
 from talus.faults import FaultError
-from talus.fields import FieldFile, has_steps
+from talus.fields import FieldFile, has_steps, of_a_grid
 from talus.files import make_folder, replaced
 from talus.pictures import ROLES
 from talus.view_data import Page
@@ -24,7 +24,7 @@ def files_of(run: Path, solid: Path | None) -> tuple[Path | None, Path | None]:
         if not grains and solid:
             raise FaultError("E602", f"{run} holds a solid, and --solid is given", "grains first")
         return (run, solid) if grains else (None, run)
-    found = [path for path in sorted(run.glob("*.h5")) if has_steps(path)]
+    found = [path for path in sorted(run.glob("*.h5")) if has_steps(path) and not of_a_grid(path)]
     both = []
     for kind, given in ((True, None), (False, solid)):
         some = [given] if given else [path for path in found if holds(path) == kind]

@@ -1,11 +1,16 @@
 """Reports: lights tell why and what to do, tables are folded, several runs are compared."""
 
+import html
 import json
+import re
+import shutil
 from pathlib import Path
 
+import h5py
+import numpy as np
 import pytest
 
-from talus import cli, lights, report_compare, reports
+from talus import cli, lights, report_compare, report_log, reports
 from talus.faults import FaultError
 
 GOOD = {"program": "talus-dem", "version": "1", "deck": "run.nml", "exit_code": 0, "steps": 100,
@@ -117,3 +122,65 @@ def test_compare_faults(tmp_path: Path) -> None:
     with pytest.raises(FaultError) as fault:
         report_compare.build([one, tmp_path / "none"], "")
     assert fault.value.code == "E553"
+
+
+LOG = ["header", "warning: the step is long", "rows <1>", "error N001: it flew", "health: amber",
+       "talus-dem: stopped"]  # fmt: skip
+
+
+def test_log_in_the_page(tmp_path: Path) -> None:
+    """The log is folded, its lines have anchors, and the light links to those that matter."""
+    run = write_run(tmp_path / "a", exit_code=2, errors=[FAULT])
+    (run / "run.log").write_text("\n".join(LOG) + "\n")
+    page = reports.build(run, "")
+    links = re.findall(r'<a href="#(log-run-\d+)">([^<]+)</a>', page)
+    assert links == [("log-run-5", "health, line 5"), ("log-run-2", "warning, line 2"),
+                     ("log-run-4", "error N001, line 4"), ("log-run-6", "end, line 6")]  # fmt: skip
+    log = page.split('<details class="log" id="log-run">')[1].split("</details>")[0]
+    assert re.findall(r'id="(log-run-\d+)"', log) == [f"log-run-{k}" for k in range(1, 7)]
+    assert "rows &lt;1&gt;" in log and page.index("Numbers</h2>") < page.index("Logs</h2>")
+
+
+def test_long_log(tmp_path: Path) -> None:
+    """Of a long log both ends are kept, and no link leads to a line that is left out."""
+    most = report_log.MOST_LINES
+    lines = [f"warning: {k}" for k in range(1, 3 * most + 1)]
+    (tmp_path / "run.log").write_text("\n".join(lines))
+    log = report_log.read(tmp_path, "run")
+    text = report_log.folded(log)
+    kept = set(re.findall(r'id="(log-run-\d+)"', text))
+    assert len(kept) == most and f"{2 * most} lines are left out" in text
+    assert set(re.findall(r'href="#(log-run-\d+)"', report_log.links(log))) <= kept
+    assert report_log.read(tmp_path, "none") is None and report_log.links(None) == ""
+
+
+def test_view_in_the_page(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A small view stands in the page, of a large one its size and the command."""
+    run = write_run(tmp_path / "a")
+    shutil.copy(grains_file(tmp_path), run / "run.h5")
+    with h5py.File(run / "run_grid_map.h5", "w") as file:  # no grains and no solid
+        file.attrs["format"] = "talus-grid"
+        file.create_group("steps")
+    page = reports.build(run, "")
+    inside = html.unescape(re.search(r'srcdoc="([^"]+)"', page)[1])
+    assert "<canvas" in inside and inside.rstrip().endswith("</html>")
+    monkeypatch.setattr(reports, "VIEW_LIMIT", 1000)
+    page = reports.build(run, "")
+    assert "<iframe" not in page and "is not in this page (limit 0 MB): talus view" in page
+
+
+def grains_file(folder: Path) -> Path:
+    """Write fields of two grains at two times."""
+    path = folder / "grains.h5"
+    with h5py.File(path, "w") as file:
+        file.attrs["format"] = "talus-grains"
+        for k in range(2):
+            step = file.create_group(f"steps/{k:06d}")
+            step.attrs.update(time=0.1 * k, count=2, complete=1)
+            x = np.array([[0.0, 0.0, 0.0], [0.01, 0.0, 0.1 * k]])
+            values = {"id": np.array([1, 2]), "x": x, "kind": np.zeros(2, "i4"),
+                      "axes": np.full((2, 3), 0.005), "v": np.zeros((2, 3)),
+                      "omega": np.zeros((2, 3)), "quat": np.eye(4)[[0, 0]]}  # fmt: skip
+            for name, value in values.items():
+                step[f"grains/{name}"] = value
+    return path
