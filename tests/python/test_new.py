@@ -46,6 +46,8 @@ def test_check(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
     capsys.readouterr()
     for deck in template.decks:
         assert cli.main(["check", str(tmp_path / kind / deck)]) == 0, capsys.readouterr().out
+        if deck != template.decks[-1] and "packing = '" in (tmp_path / kind / deck).read_text():
+            solve(tmp_path / kind, deck)  # the next deck reads what this one writes at its end
     text = "".join(p.read_text() for p in (tmp_path / kind).iterdir() if p.suffix != ".h5")
     assert not templates.WORD.search(text.replace("${", ""))
     said = (tmp_path / kind / "README.md").read_text()
@@ -66,6 +68,25 @@ def test_run(kind: str, tmp_path: Path) -> None:
         history = read_history(tmp_path / kind / "push_surfaces.csv")
         force = next(v for k, v in history.items() if k.startswith("force_z"))
         assert np.max(np.abs(force)) > 1e-3
+
+
+def test_wheel(tmp_path: Path) -> None:
+    """The bed carries a wheel that comes down and rolls: impulse, way and spin are those given."""
+    made("wheel", tmp_path, "--set", "grains=100", "way=6e-3")
+    for line in templates.load("wheel").table["decks"]:
+        assert solve(tmp_path, line)["exit_code"] == 0
+    mass, speed, radius, slip = 0.008, 0.2, 0.012, 0.2
+    parts = read_history(tmp_path / "drive_surfaces.csv")
+    side, ends = parts["part"] == 1, parts["part"] == 2
+    time, lift = parts["time"][side], parts["force_z"][side] + parts["force_z"][ends]
+    body = read_history(tmp_path / "drive_bodies.csv")
+    impulse = np.sum(0.5 * np.diff(time) * (lift[1:] + lift[:-1]))
+    gained = mass * (9.81 * time[-1] + body["velocity_z"][-1])
+    assert impulse == pytest.approx(gained, rel=0.02)  # forces are sampled 400 times
+    assert np.ptp(parts["x"][side]) == pytest.approx(6e-3 + 0.5 * 0.02 * speed, rel=1e-3)
+    turning = speed / (radius * (1 - slip))
+    assert body["spin_y"][-1] == pytest.approx(turning, rel=1e-5)  # six digits
+    assert parts["z"][side][-1] < parts["z"][side][0]
 
 
 def test_what_follows() -> None:
