@@ -12,9 +12,13 @@ export PYTHONPATH=$source/prepost PYTHONDONTWRITEBYTECODE=1
 # libraries that belong to the machine: the C library, its loader, drivers
 OF_SYSTEM='^(linux-vdso|ld-linux|lib(c|m|mvec|dl|rt|pthread|resolv|util|nsl|anl)\.so|libnss_)'
 
+# shell:file that completes the command `talus` in it, relative to the root
+completions=(bash:share/bash-completion/completions/talus zsh:share/zsh/site-functions/_talus
+  fish:share/fish/vendor_completions.d/talus.fish)
+
 # $1 root of the suite, $2 programs, $3 libraries of the port
 install_suite() {
-  local root=$1 share=$1/share/talus folder name
+  local root=$1 share=$1/share/talus folder name pair
   install -d "$root"/{bin,include,lib} "$share"
   install -m 755 "$2"/talus-{dem,fem,couple} "$root/bin"
   install -m 755 "$source/tools/talus.in" "$root/bin/talus"
@@ -32,15 +36,17 @@ install_suite() {
   "$python" -m talus.editor_files "$share/editors" > /dev/null
   if "$python" -c 'import talus.cli' 2> /dev/null; then
     "$python" "$source/tools/man_pages.py" "$root/share/man/man1" "$2"
-    install -d "$root/share/bash-completion/completions"
-    "$python" -m talus completion bash > "$root/share/bash-completion/completions/talus"
+    for pair in "${completions[@]}"; do
+      install -d "$root/$(dirname "${pair#*:}")"
+      "$python" -m talus completion "${pair%%:*}" > "$root/${pair#*:}"
+    done
   else
     echo "no man pages and no completion: $python lacks packages of talus (make deps-run)" >&2
   fi
   find "$share" -name __pycache__ -prune -exec rm -r {} +
   # what uninstall removes, relative to the root
   (cd "$root" && find bin/talus bin/talus-{dem,fem,couple} include/talus_port*.h lib/libtalus_port.* lib/talus \
-    libexec/talus share/talus share/man/man1/talus*.1 share/bash-completion/completions/talus \
+    libexec/talus share/talus share/man/man1/talus*.1 "${completions[@]#*:}" \
     ! -type d 2> /dev/null || true) | sort > "$share/manifest"
 }
 
@@ -53,7 +59,8 @@ uninstall_suite() {
   while read -r file; do rm -f "./$file"; done < "share/talus/manifest"
   rm -f share/talus/manifest
   find share/talus lib/talus libexec/talus -depth -type d -empty -delete 2> /dev/null || true
-  rmdir -p --ignore-fail-on-non-empty share/bash-completion/completions share/man/man1 2> /dev/null || true
+  rmdir -p --ignore-fail-on-non-empty share/bash-completion/completions share/zsh/site-functions \
+    share/fish/vendor_completions.d share/man/man1 2> /dev/null || true
   rmdir --ignore-fail-on-non-empty bin include lib libexec share 2> /dev/null || true
 }
 

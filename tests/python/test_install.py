@@ -67,6 +67,10 @@ def test_install(tmp_path: Path) -> None:
     assert "port\\-test" in words and "\\-\\-deck" in words
     complete = moved / "share/bash-completion/completions/talus"
     assert "_talus" in call("bash", "-c", f"source '{complete}' && complete -p talus")
+    assert "#compdef talus" in (moved / "share/zsh/site-functions/_talus").read_text()
+    assert "complete -c talus" in (
+        moved / "share/fish/vendor_completions.d/talus.fish"
+    ).read_text()
     assert (moved / "share/talus/editors/json/talus-dem.schema.json").is_file()
     install("uninstall", moved)
     assert [p.name for p in moved.rglob("*") if p.is_file()] == ["other"]
