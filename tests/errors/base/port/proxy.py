@@ -101,6 +101,8 @@ def main() -> int:
         if asked == verb:
             wrong = spoil(reply, deed, name)
         port.write(outer, reply, "reply", sequence, **wrong)
+        if asked == verb and deed == "twice":
+            port.write(outer, reply, "reply", sequence + 1)
         if asked in ("STOP", "ABORT"):
             solver.wait(20.0)
             if asked == verb and deed == "stay":
