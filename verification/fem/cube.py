@@ -34,12 +34,13 @@ def write_deck(case: Case, name: str, template: str, words: dict[str, str]) -> s
     return stem
 
 
-def judge_ledger(case: Case, name: str, stem: str, growth_limit: float) -> dict[str, np.ndarray]:
+def judge_ledger(case: Case, name: str, stem: str, growth_limit: float,
+                 limit: float = 1e-8) -> dict[str, np.ndarray]:  # fmt: skip
     """Judge closure and growth of the dissipation over the largest work; return the ledger."""
     energy = read_history(case.folder / f"{stem}_energy.csv")
     work = max_of(abs(energy[k]).max() for k in WORKS)
     off = float(abs(energy["closure"]).max() / work)
-    case.below(f"{name}: ledger, error / largest", off, 1e-8)
+    case.below(f"{name}: ledger, error / largest", off, limit)
     growth = float(np.diff(energy["plastic"]).min() / work)
     case.above(f"{name}: least growth of the dissipation / largest", growth, growth_limit)
     return energy
