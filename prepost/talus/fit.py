@@ -23,7 +23,7 @@ from talus.programs import find_program
 
 ONE_THREAD = os.environ | {"OMP_NUM_THREADS": "1"}  # tests run beside each other
 PROBE = 1.0e-4  # of a constant, for differences
-MOST_STEPS = 100
+MOST_STEPS = 40
 STILL = 1.0e-7  # of the constants, in a step
 GAIN = 1.0e-6  # of the sum of squares, in the last step
 MOST_DAMPING = 1.0e10
