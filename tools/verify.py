@@ -31,6 +31,7 @@ sys.dont_write_bytecode = True
 import verification_table  # noqa: E402
 
 from talus import version  # noqa: E402
+from talus.study.runner import span  # noqa: E402
 from talus.verification import Case  # noqa: E402
 
 
@@ -121,6 +122,15 @@ def choose(cases: dict[str, dict], wanted: list[str], quick: bool, areas: list[s
     ]
 
 
+def left_text(waiting: list[dict], known: dict[str, float], jobs: int) -> str:
+    """Return how many cases wait and how long they will take, by what they and others took [s]."""
+    if not waiting:
+        return "all cases are done"
+    usual = sum(known.values()) / len(known) if known else 0.0
+    seconds = sum(known.get(facts["id"], usual) for facts in waiting) / max(jobs, 1)
+    return f"{len(waiting)} cases wait, about {span(seconds)} left"
+
+
 def leave_out(chosen: list[dict]) -> list[dict]:
     """Return the cases whose solid may have ranks; name the others and why."""
     for facts in chosen:
@@ -156,10 +166,15 @@ def main() -> int:
     if options.solid_ranks:
         chosen = leave_out(chosen)
     ranks = (options.ranks, options.solid_ranks)
+    waiting, known = chosen, {name: entry["seconds"] for name, entry in results.items()}
     for entry in run_cases(chosen, (options.bin.resolve(), out, ranks), options.jobs):
         results[entry["id"]] = entry
         passed, failed = passed + entry["pass"], failed + (not entry["pass"])
         show(entry)
+        known[entry["id"]] = entry["seconds"]
+        waiting = [facts for facts in waiting if facts["id"] != entry["id"]]
+        if sys.stderr.isatty():
+            print(f"\r{left_text(waiting, known, options.jobs):60s}", end="\r", file=sys.stderr)
         ordered = [results[name] for name in cases if name in results]
         summary.write_text(json.dumps({"version": version(), "cases": ordered}, indent=1) + "\n")
     badges = [out, *([ROOT / "manual"] if options.accept else [])]

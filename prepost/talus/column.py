@@ -20,6 +20,7 @@ from talus.column_stack import blended, cut, like_tile, stack
 from talus.faults import FaultError
 from talus.files import make_folder
 from talus.packing import Packing, read_packing, write_h5
+from talus.progress import watch
 from talus.tile import CHECK, CHECK_TIME, CLOSING, REST, STRESS, run_deck
 from talus.tile_stamp import Stamp, forces_of
 from talus.verification import field_steps, read_history
@@ -87,7 +88,7 @@ def make_column(
     wanted = border_stresses(tile, stamp, bed, floor, layers)
     say(f"{layers} layers, vertical stress {wanted[-1]:.4g} to {wanted[0]:.4g} Pa")
     states, normal = [], np.empty((layers + 1, 3))
-    for k in reversed(range(layers + 1)):
+    for k in watch(range(layers, -1, -1), "layers"):
         states.insert(0, like_tile(stages.replay(k, wanted[k]), tile))
         normal[k] = stages.normal_stress()
     k0 = normal[:, :2].mean(axis=1) / normal[:, 2]

@@ -11,6 +11,7 @@ from pathlib import Path
 from talus import gallery, lights, pictures, report_log, version, view, view_data
 from talus.faults import FaultError
 from talus.look import figure_bytes
+from talus.progress import watch
 
 STYLE = """
 body{font:15px/1.5 system-ui,sans-serif;color:#1c2430;max-width:62rem;margin:2rem auto;
@@ -153,7 +154,7 @@ def figures(folder: Path) -> list[str]:
     images = sorted(folder.glob("*.png"))
     drawn = {path.name for path in images}
     parts = [picture(path.read_bytes(), path.name) for path in images] or image_of(folder)
-    for exhibit in gallery.exhibits(folder):
+    for exhibit in watch(list(gallery.exhibits(folder)), "figures"):
         if exhibit.name in drawn:
             continue
         try:

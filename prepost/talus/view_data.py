@@ -18,6 +18,7 @@ from talus.fields import ALWAYS, OF_NODES, FieldFile, Snapshot
 from talus.forms import LEAST_EXPONENT, centres, net_triangles
 from talus.network import ends_of
 from talus.pictures import fold, round_above
+from talus.progress import watch
 
 TURN = 32767.0  # a component 1 of a quaternion
 LEVELS = (16, 8, 4, 2)  # cells an edge of the nets that a grain is drawn with, finest first
@@ -103,7 +104,8 @@ def add_grains(page: Page, path: Path, most: int) -> list[float]:
     shots = []
     with FieldFile(path) as fields:
         steps = chosen_steps(len(fields), most)
-        for step, entry in enumerate(fields.entries()):
+        entries = watch(fields.entries(), "steps", len(fields))
+        for step, entry in enumerate(entries):
             if step in steps:
                 shots.append(snapshot(fields, step, entry))
     if not any(len(now.grains["x"]) for now, _, _ in shots):
