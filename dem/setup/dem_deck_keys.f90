@@ -1066,9 +1066,9 @@ contains
       //'at the nodes of a grid of bricks, compression positive and over the hydrostatic ' &
       //'one. Grains feel its gradient and their buoyancy, and carry the liquid that ' &
       //'moves with them. Histories in `<deck>_pore.csv`, fields in `<deck>_pore.h5`; ' &
-      //'what the liquid does to the grains is `external` in the ledger. On one rank, not' &
-      //' under talus-couple, not with cells, surfaces, sources, sinks, windows, ' &
-      //'&breakage and &probe (D366).')
+      //'what the liquid does to the grains is `external` in the ledger. On one rank; ' &
+      //'under talus-couple at `&facets` with `&pore_interface`, not at an overlap; not ' &
+      //'with cells, surfaces, sources, sinks, windows, &breakage and &probe (D366).')
     call table%add_key('fluid', 'string', '', 'Id of a `&fluid`.')
     call table%need()
     call table%add_key('lower', 'real', 'm', &
