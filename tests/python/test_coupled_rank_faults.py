@@ -101,24 +101,27 @@ def go_on(folder: Path, whole: dict) -> None:
                 assert rows[column] == pytest.approx(wanted[column], abs=1e-9 * most), column
 
 
-@pytest.mark.parametrize("victim", [0, 1])
-def test_a_rank_is_killed(victim: int, whole: dict, tmp_path: Path) -> None:
-    """The first, which speaks with the partner, or another; a restart goes on to the same bits."""
+@pytest.fixture
+def under_way(whole: dict, tmp_path: Path) -> tuple[Path, subprocess.Popen, dict[int, int]]:
+    """Return folder, process and ranks of a run that has written a checkpoint."""
     folder = tmp_path / "run"
     write_model(folder, whole["side"])
     run = begin(folder)
-    ranks = wait_for_checkpoint(folder, run)
+    return folder, run, wait_for_checkpoint(folder, run)
+
+
+@pytest.mark.parametrize("victim", [0, 1])
+def test_a_rank_is_killed(victim: int, whole: dict, under_way: tuple) -> None:
+    """The first, which speaks with the partner, or another; a restart goes on."""
+    folder, run, ranks = under_way
     os.kill(ranks[victim], signal.SIGKILL)
     judge_end(folder, run, 4, list(ranks.values()))
     go_on(folder, whole)
 
 
-def test_the_disk_is_full(whole: dict, tmp_path: Path) -> None:
-    """No room for the rank that writes: one message, a restart goes on to the same bits."""
-    folder = tmp_path / "run"
-    write_model(folder, whole["side"])
-    run = begin(folder)
-    ranks = wait_for_checkpoint(folder, run)
+def test_the_disk_is_full(whole: dict, under_way: tuple) -> None:
+    """No room for the rank that writes: one message, a restart goes on."""
+    folder, run, ranks = under_way
     most = int(0.9 * (whole["folder"] / f"{whole['side']}_energy.csv").stat().st_size)
     resource.prlimit(ranks[0], resource.RLIMIT_FSIZE, (most, most))
     judge_end(folder, run, 4, list(ranks.values()))
@@ -127,12 +130,9 @@ def test_the_disk_is_full(whole: dict, tmp_path: Path) -> None:
     go_on(folder, whole)
 
 
-def test_a_request_to_stop(whole: dict, tmp_path: Path) -> None:
-    """All ranks leave with a checkpoint; the run goes on to the same bits."""
-    folder = tmp_path / "run"
-    write_model(folder, whole["side"])
-    run = begin(folder)
-    ranks = wait_for_checkpoint(folder, run)
+def test_a_request_to_stop(whole: dict, under_way: tuple) -> None:
+    """All ranks leave with a checkpoint; the run goes on."""
+    folder, run, ranks = under_way
     run.send_signal(signal.SIGTERM)
     judge_end(folder, run, 3, list(ranks.values()))
     go_on(folder, whole)
