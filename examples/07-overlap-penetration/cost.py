@@ -62,8 +62,7 @@ def a_step(before: list[float], after: list[float], more: int) -> list[float]:
 
 def whole(out: Path, more: int) -> list[float]:
     """All grains."""
-    deck = Path(__file__).resolve().parent / "truth.nml"
-    runs = [run_for(out, "talus-dem", deck, steps) for steps in (FEW, FEW + more)]
+    runs = [run_for(out, "talus-dem", out / "truth.nml", steps) for steps in (FEW, FEW + more)]
     return a_step(*runs, more)
 
 

@@ -48,7 +48,7 @@ def write_surround(out: Path) -> None:
 
 def main() -> int:
     """Fill the decks."""
-    out, here = Path(sys.argv[1]), Path(__file__).parent
+    out = Path(sys.argv[1])
     probe = json.loads((out / "probe_probe.json").read_text())["probed"]
     strength = json.loads(Path(sys.argv[2]).read_text())["peak"]
     with (out / "probe_micromorphic_all.csv").open() as file:
@@ -66,7 +66,7 @@ def main() -> int:
         "end": sys.argv[3],
     }
     for name in ("micro.nml", "micro_solid.nml"):
-        text = (here / name).read_text()
+        text = (out / name).read_text()
         for key, value in values.items():
             text = text.replace(f"@{key}@", value)
         (out / "micro" / name).write_text(text)

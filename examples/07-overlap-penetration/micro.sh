@@ -7,7 +7,7 @@ out=${1:?usage: micro.sh OUT STRENGTH [END]}
 strength=${2:?usage: micro.sh OUT STRENGTH [END]}
 out=$(cd "$out" && pwd)
 mkdir -p "$out/micro"
-cp "$here/grains.nml" "$out/micro"
+cp "$out/grains.nml" "$out/micro"
 "$python" "$here/prepare.py" "$out/pressed.h5" "$out/micro" 0 0 deep
 "$python" "$here/micro.py" "$out" "$strength" "${3:-0.02}"
 (
