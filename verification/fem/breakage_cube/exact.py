@@ -111,8 +111,10 @@ def run(case: Case) -> None:
     for name in PATHS:
         found = judge_static(case, name)
         exact = run_point(case, name, FINE)
-        ax.plot(-100 * exact["strain zz"], -exact["stress zz"] / 1e6, "-", label=f"{name}, point")
-        ax.plot(100 * found["time"], found["axial"] / 1e6, "o", mfc="none", label=name)
+        ax.plot(-100 * exact["strain zz"], -exact["stress zz"] / 1e6, "-",
+                label=f"{name}, point, {FINE} steps")
+        ax.plot(100 * found["time"], found["axial"] / 1e6, "o", mfc="none",
+                label=f"{name}, 10 steps")
     judge_restart(case, "drained")
     judge_restart(case, "drained", 2)
     stem, _ = run_cube(case, "drained on ranks", ("drained", STATIC), 1e-9, ranks=2)
