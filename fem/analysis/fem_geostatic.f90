@@ -13,8 +13,8 @@ module fem_geostatic
 
 contains
 
-  !> Initial equilibrium under loads; `moved` is the largest displacement on the way [m],
-  !! `iterations` the number of corrections. N311 as in a step.
+  !> Initial equilibrium under the loads of the deck; `moved` is the largest displacement on the
+  !! way [m], `iterations` the number of corrections. N309 where there is none.
   subroutine settle(body, moved, iterations, errors)
     type(fem_body_type), intent(inout) :: body
     real(wp), intent(out) :: moved
@@ -35,10 +35,13 @@ contains
     call body%hold_pressures(.true.)
     springs = body%port%robin%n
     body%port%robin%n = 0  ! a partner's springs hold what moves in a step, not what is the start
+    body%port%settling = .true.  ! dead loads answer a partner's forces, which come with a step
     call newton_step(body, body%accepted%time, errors)
     body%port%robin%n = springs
+    body%port%settling = .false.
     call body%hold_pressures(.false.)
     call body%scheme%take_inertia(dynamic)
+    if (errors%any()) call name_start(errors)
     if (errors%any()) return
     iterations = body%newton%rows
     associate (last => body%dofs%solid)
@@ -55,4 +58,17 @@ contains
     call body%accept()
     call body%begin_liquid()
   end subroutine settle
+
+  !> A start that is not found is told as such: the last step's fault speaks of steps and cuts.
+  subroutine name_start(errors)
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: reason
+    if (errors%item(1)%code /= 'N311') return
+    reason = errors%item(1)%message
+    call errors%clear()
+    call errors%add('N309', 'stress and loads at the start are not in balance and no state '// &
+                    'nearby is: '//reason, '', 'write as &pressure or &traction what acts at '// &
+                    'the start on every surface under stress that is not held, also where '// &
+                    'grains of a partner will carry it')
+  end subroutine name_start
 end module fem_geostatic
