@@ -16,14 +16,15 @@ module cpl_overlap_hold
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: hold_solid, hold_beyond, hold_weight, rest_beyond, rehearse
+  public :: hold_solid, release_edge, hold_beyond, hold_weight, rest_beyond, rehearse
 
   character(len=*), parameter :: all_nodes = 'everything'  !! set of all nodes of the solid
+  real(wp), parameter :: stressless = 1.0e-9_wp  !! inner forces over loads of a body without stress
 
 contains
 
   !> A fresh run finds the rest and, where asked, holds it; a restarted one holds what the
-  !! checkpoint says.
+  !! checkpoint says. In statics a solid without stress finds its own balance with its loads.
   subroutine hold_solid(o, solid, again, hold, timers, errors)
     type(overlap_type), intent(inout) :: o
     type(cpl_solver_type), intent(inout) :: solid
@@ -32,22 +33,47 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: rest(:, :), load(:, :)
-    logical, allocatable :: free(:, :)
+    logical, allocatable :: free(:, :), edge(:, :)
 
     if (again .and. .not. allocated(o%start%hold)) return
-    call select_all(o, solid, free, load, timers, errors)
+    call select_all(o, solid, free, edge, load, timers, errors)
     if (.not. (again .or. errors%any())) then
       call rehearse(o, solid, timers, errors)
       call ask_forces(o, solid, scope_balance, rest, timers, errors)
       call add_loads(o, solid, load, timers, errors)
       if (errors%any()) return
-      call rest_beyond(rest, load, free, o%start%solid_rest, o%start%solid_node, &
-                       o%start%solid_share)
-      if (hold) o%start%hold = merge(-rest, 0.0_wp, free)
+      if (.not. o%rules%static .or. any(abs(rest - load) > stressless*maxval(abs(load)))) then
+        call rest_beyond(rest, load, free, o%start%solid_rest, o%start%solid_node, &
+                         o%start%solid_share)
+        if (hold) o%start%hold = merge(-rest, 0.0_wp, free .or. edge)
+      end if
     end if
     if (allocated(o%start%hold)) call send_hold(o, solid, timers, errors)
     call select_one(o, solid, timers, errors)
   end subroutine hold_solid
+
+  !> In statics the solid solves for the edge, too, and found its start with all of it held, since
+  !! forces on it come with the first step. Elements with prescribed nodes are among these: what
+  !! they bear is no dead load any more.
+  subroutine release_edge(o, solid, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: load(:, :)
+    logical, allocatable :: free(:, :), edge(:, :)
+    integer(i4) :: k
+    if (errors%any() .or. .not. (o%rules%static .and. allocated(o%start%hold))) return
+    call select_all(o, solid, free, edge, load, timers, errors)
+    if (errors%any()) return
+    do k = o%op%prescribed + 1, o%op%nodes
+      associate (hold => o%start%hold(:, o%op%node(k)), loose => edge(:, o%op%node(k)))
+        hold = hold + merge(o%forces%element(:, k), 0.0_wp, loose)
+      end associate
+    end do
+    call send_hold(o, solid, timers, errors)
+    call select_one(o, solid, timers, errors)
+  end subroutine release_edge
 
   !> Within a run: nodes beyond the edge go on under the forces that they had, some of which
   !! talus-couple put on them until now.
@@ -58,9 +84,9 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: now(:, :), weight(:, :)
-    logical, allocatable :: free(:, :)
+    logical, allocatable :: free(:, :), edge(:, :)
 
-    call select_all(o, solid, free, weight, timers, errors)
+    call select_all(o, solid, free, edge, weight, timers, errors)
     if (errors%any()) return
     call ask_forces(o, solid, scope_balance, now, timers, errors)
     if (errors%any()) return
@@ -112,12 +138,13 @@ contains
     if (largest > 0.0_wp) share = largest/max(scale, tiny(1.0_wp)*largest)
   end subroutine rest_beyond
 
-  !> SELECT all nodes: which components nothing holds and talus-couple does not move, and their
-  !! weight.
-  subroutine select_all(o, solid, free, weight, timers, errors)
+  !> SELECT all nodes: which components nothing holds and talus-couple does not move, those at the
+  !! edge that the solid solves for in statics, and the weight of all.
+  subroutine select_all(o, solid, free, edge, weight, timers, errors)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
     logical, allocatable, intent(out) :: free(:, :)    !! (3, nodes)
+    logical, allocatable, intent(out) :: edge(:, :)    !! (3, nodes)
     real(wp), allocatable, intent(out) :: weight(:, :)  !! (3, nodes) [N]
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
@@ -135,6 +162,12 @@ contains
     free = held == 0
     free(:, o%op%node) = .false.
     free(:, o%sets%off) = .false.
+    edge = free .neqv. free
+    if (o%rules%static) then
+      associate (node => o%op%node(o%op%prescribed + 1:))
+        edge(:, node) = held(:, node) == 0
+      end associate
+    end if
     allocate (weight(3, o%cells%nodes))
     do a = 1, o%cells%nodes
       weight(:, a) = mass(a)*solid%gravity

@@ -20,7 +20,7 @@ module cpl_overlap_setup
     prescribed_phi_set, edge_phi_set, off_set
   use cpl_overlap_carry, only: carried_type, hold_difference, any_closes
   use cpl_overlap_file, only: hash_of
-  use cpl_overlap_hold, only: hold_solid, hold_beyond, hold_weight
+  use cpl_overlap_hold, only: hold_solid, release_edge, hold_beyond, hold_weight
   use cpl_overlap_limit, only: check_step
   use cpl_overlap_loads, only: begin_loads
   use cpl_overlap_mass, only: own_rim, share_mass, damp_fine_scale
@@ -360,16 +360,14 @@ contains
     if (errors%any()) return
     call prepare_start(o, solvers, choices, again, start, timers, errors)
     if (errors%any()) return
-    call set_mass(o, solvers(side_grains), timers, errors)
-    if (.not. (again .or. o%rules%static .or. errors%any())) &
-      call check_step(o, solvers, timers, errors)
+    call set_inertia(o, solvers, again, timers, errors)
     if (errors%any()) return
     call ready(solvers(side_grains), o%step, timers, errors)
     if (.not. again) call read_start(o, solvers(side_grains), timers, errors)
     if (errors%any()) return
     if (o%rules%stressed) then
       call balance_start(o, solvers(side_solid), again, start, timers, errors)
-    else if (.not. (o%rules%static .or. present(carried))) then
+    else if (.not. present(carried)) then
       call hold_solid(o, solvers(side_solid), again, choices%overlap%dead_load, timers, errors)
     end if
     if (errors%any()) return
@@ -385,6 +383,7 @@ contains
     if (errors%any()) return
     call o%op%to_ghosts(o%motion%v, o%motion%w, v, spin)
     call evaluate_forces(o, solvers, v, spin, solvers(1)%time, timers, errors)
+    if (.not. present(carried)) call release_edge(o, solvers(side_solid), timers, errors)
     if (.not. (o%rules%static .or. errors%any())) &
       call evaluate_bulk(o, solvers(side_solid), 0.0_wp, solvers(1)%time, timers, errors)
     if (errors%any()) return
@@ -405,6 +404,18 @@ contains
     end if
     if (o%rules%static) call begin_static(o, start%stiffness, start%touching)
   end subroutine begin_overlap
+
+  !> Masses of the grains, and the step that they leave stable.
+  subroutine set_inertia(o, solvers, again, timers, errors)
+    type(overlap_type), intent(inout) :: o
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    logical, intent(in) :: again  !! after a restart
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    call set_mass(o, solvers(side_grains), timers, errors)
+    if (.not. (again .or. o%rules%static .or. errors%any())) &
+      call check_step(o, solvers, timers, errors)
+  end subroutine set_inertia
 
   !> Nodes go on with the velocities that they had; where elements close those beyond the edge do so
   !! under the forces that they had.

@@ -13,7 +13,7 @@ module fem_geostatic
 
 contains
 
-  !> Initial equilibrium under the loads of the deck; `moved` is the largest displacement on the
+  !> Initial equilibrium under loads; `moved` is the largest displacement on the
   !! way [m], `iterations` the number of corrections. N309 where there is none.
   subroutine settle(body, moved, iterations, errors)
     type(fem_body_type), intent(inout) :: body
@@ -35,10 +35,10 @@ contains
     call body%hold_pressures(.true.)
     springs = body%port%robin%n
     body%port%robin%n = 0  ! a partner's springs hold what moves in a step, not what is the start
-    body%port%settling = .true.  ! dead loads answer a partner's forces, which come with a step
+    body%port%settling = .true.
     call newton_step(body, body%accepted%time, errors)
-    body%port%robin%n = springs
     body%port%settling = .false.
+    body%port%robin%n = springs
     call body%hold_pressures(.false.)
     call body%scheme%take_inertia(dynamic)
     if (errors%any()) call name_start(errors)

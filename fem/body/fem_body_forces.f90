@@ -45,9 +45,10 @@ contains
     !$omp parallel do default(none) shared(self, force, value) private(i, k) schedule(static) &
     !$omp if(size(force, 2) > least_shared)
     do i = 1, size(force, 2)
-      force(:, i) = self%system%weight_force(:, i)
-      if (.not. self%port%settling) force(:, i) = force(:, i) + self%port%dead_load(:, i)
-      force(:, i) = force(:, i) + self%port%port_load(:, i)
+      force(:, i) = self%system%weight_force(:, i) + self%port%dead_load(:, i) &
+        + self%port%port_load(:, i)
+      if (self%port%settling .and. self%port%answering(i)) &
+        force(:, i) = force(:, i) - self%port%dead_load(:, i)
       do k = 1, size(value)
         force(:, i) = force(:, i) + value(k)*self%loads%load(k)%force(:, i)
       end do

@@ -74,6 +74,7 @@ contains
     allocate (self%system%weight_force(3, n), self%system%initial_force(3, n), source=0.0_wp)
     allocate (self%supports%held(3, n), self%port%prescribed(3, n), source=.false.)
     allocate (self%port%mass_factor(n), source=1.0_wp)
+    allocate (self%port%answering(n), source=.false.)
     self%accepted = self%state
   end subroutine allocate_state
 

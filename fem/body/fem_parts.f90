@@ -59,7 +59,8 @@ module fem_parts
     real(wp), allocatable :: given_u(:, :), given_v(:, :)  !! (3, blocks) [m], for output [m/s]
     real(wp), allocatable :: port_load(:, :)     !! (3, blocks) now [N]
     real(wp), allocatable :: dead_load(:, :)     !! (3, blocks) constant [N]
-    logical :: settling = .false.                !! in the equilibrium of the start: no dead load
+    logical, allocatable :: answering(:)         !! dead load answers forces of later steps
+    logical :: settling = .false.                !! in the equilibrium of the start
     real(wp), allocatable :: mass_factor(:)      !! (blocks) on mass and weight [-]
     type(fem_springs_type) :: robin              !! springs to the last accepted state
   contains

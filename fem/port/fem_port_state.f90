@@ -23,7 +23,7 @@ module fem_port_state
   use talus_vectors, only: cross
   use talus_serve, only: limit_told
   use talus_version, only: version_text
-  use fem_types, only: fem_springs_type
+  use fem_types, only: fem_springs_type, role_load
   use fem_body, only: fem_body_type
   use fem_port_places, only: set_places
   use fem_port_pore, only: store_at
@@ -250,6 +250,8 @@ contains
     springs = all
   end subroutine join_springs
 
+  !> A dead load on a set that a partner loads answers its forces, which come with the first step:
+  !! the body finds the equilibrium of its start without it.
   subroutine set_dead_load(body, sets, request, errors)
     type(fem_body_type), intent(inout) :: body
     type(fem_sets_type), intent(in) :: sets
@@ -267,12 +269,14 @@ contains
     if (sets%set(k)%moves .or. request%has(field_force)) then
       call request%get(field_force, force, errors)
       if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%node) = force
+      body%port%answering(sets%set(k)%node) = sets%set(k)%role == role_load
     end if
     if (size(sets%set(k)%phi) == 0 .or. .not. request%has(field_moment)) return
     deallocate (force)
     allocate (force(3, size(sets%set(k)%phi)))
     call request%get(field_moment, force, errors)
     if (.not. errors%any()) body%port%dead_load(:, sets%set(k)%phi) = force
+    body%port%answering(sets%set(k)%phi) = sets%set(k)%role == role_load
   end subroutine set_dead_load
 
   subroutine find_set(sets, name, k, request, errors)

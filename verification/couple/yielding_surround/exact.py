@@ -2,38 +2,16 @@
 
 import numpy as np
 from coupled import audit_of, compare_runs, write_box, write_deck
+from yielding_laws import LAWS, law_of
 
 from talus.verification import Case, Step, field_steps, write_packing
 
 RADIUS, SIDE, STIFFNESS, STRESS, WAY = 5.0e-3, 0.022, 1.0e6, 1.0e5, 2.0e-4
 AREA, END, CUT, REST = SIDE**2, 0.008, 0.004, 9.0e-4  # [m2], [s]: the cut, and the time at rest
-SAND = """&material id = 'soil', law = 'sanisand', density = 1600.0, poisson = 0.05,
-          stiffness_number = 125.0, critical_slope = 1.25, extension_ratio = 0.712,
-          critical_void_ratio = 0.934, critical_line_slope = 0.019, plastic_hardening = 7.05,
-          hardening_void = 0.968, bounding_rate = 1.1, dilatancy = 0.704, dilatancy_rate = 3.5,
-          fabric_limit = 4.0, fabric_rate = 600.0, void_ratio = 0.8 /
-"""
-MICRO = """&micromorphic id = 'soil', density = 1600.0, micro_inertia = 1.0e-5, lambda = 8.0e6,
-              mu = 10.0e6, eta = 20.0e6, tau = 2.5e6, kappa = 15.0e6, nu = 10.0e6, sigma = 5.0e6,
-              taus = 0, 0, 0, 0, 0, 0, 10.0, 0, 0, 0, 0 /
-"""
-ELLIPSES = "".join(
-    f"&cone level = '{level}', kind = 'ellipse', critical_slope = 1.2, preconsolidation = "
-    f"{cap}, tension = 5.0e3, exponent = 30.0 /\n"
-    for level, cap in (("macro", 1.3e5), ("micro", 1.4e5))
-)
-CRUSHING = """&cone level = 'macro', kind = 'breakage', critical_slope = 1.2, tension = 1.0e3,
-      breakage_energy = 4.0e2, breakage_angle_deg = 60.0, grain_size_max = 2.0e-3,
-      grain_size_min = 2.0e-5 /
-"""
 HELD = "".join(f"&support group = '{c}{k}', fix = '{c}' /\n" for c in "xy" for k in (0, 1))
 HELD_MICRO = HELD.replace("'x' /", "'x', 'chi12', 'chi13', 'chi21', 'chi31' /").replace(
     "'y' /", "'y', 'chi12', 'chi23', 'chi21', 'chi32' /")  # fmt: skip
-LAWS = {
-    "sand": (SAND, "hex8_bbar", HELD),
-    "ellipse": (MICRO + ELLIPSES, "hex8/hex8", HELD_MICRO),
-    "crushing": (MICRO + CRUSHING, "hex8/hex8", HELD_MICRO),
-}  # material, element, supports
+SIDES = {"sand": HELD, "ellipse": HELD_MICRO, "crushing": HELD_MICRO}
 STATIC = "'static', tolerance = 1.0e-10"
 WAYS = {
     "static": (STATIC, 4.0e-5, "average", "springs"),
@@ -56,10 +34,8 @@ def write_input(case: Case) -> None:
 
 def write_solid(case: Case, head: str, law: str, analysis: str, below: str) -> None:
     """Write the deck of a column, whose lower face `below` presses or moves."""
-    material, element, held = LAWS[law]
-    section = f"&section group = 'all', material = 'soil', element = '{element}' /"
-    write_deck(case, f"{head}_solid.nml", "solid.nml", name=head, law=material + section,
-               held=held, below=below, analysis=analysis, way=WAY,
+    write_deck(case, f"{head}_solid.nml", "solid.nml", name=head, law=law_of(law),
+               held=SIDES[law], below=below, analysis=analysis, way=WAY,
                until=f" t_end = {END}," if "dt" in analysis else "")  # fmt: skip
 
 
