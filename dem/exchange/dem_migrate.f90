@@ -37,6 +37,7 @@ contains
     integer(i4) :: rounds
     integer(i4) :: came(0:d%halo%team%ranks - 1)
     real(wp), allocatable :: held(:, :), own(:, :), mirrors(:, :), touches(:, :), rows(:, :)
+    real(wp), allocatable :: targets(:, :)
     type(dem_grains_type) :: none
 
     call find_range(d)
@@ -48,6 +49,7 @@ contains
     call send_mirrors(d%halo, own, mirrors, came)
     d%halo%own = size(own, 2)
     d%halo%mirrors = size(mirrors, 2)
+    call keep_targets(d%grains, targets)
     d%grains = none  ! of the leader at the start those of all ranks
     allocate (rows(size(own, 1), size(held, 2) + size(own, 2) + size(mirrors, 2)))
     rows(:, :size(held, 2)) = held
@@ -55,10 +57,41 @@ contains
     rows(:, size(held, 2) + size(own, 2) + 1:) = mirrors
     deallocate (held, own)
     call make_local(d, rows)
+    call put_targets(targets, d%grains)
     call receive_contacts(d, contacts)
     if (d%surfaces%n > 0) call receive_touches(d, touches)
     call list_bodies(d, mirrors, came)
   end subroutine share_out
+
+  !> Where prescribed grains end the steps under way, in the order of their ids: 1 or 0, place,
+  !! orientation. A list made within these steps leaves it as it is.
+  pure subroutine keep_targets(g, targets)
+    type(dem_grains_type), intent(in) :: g
+    real(wp), allocatable, intent(out) :: targets(:, :)  !! (8, grains), none without such grains
+    integer(i4), allocatable :: held(:)
+    integer(i4) :: k
+    held = [integer(i4) ::]
+    if (size(g%has_target) > 0) held = pack([(k, k=1, g%n)], is_prescribed(g%kind))
+    allocate (targets(8, size(held)))
+    do k = 1, size(held)
+      targets(:, k) = [merge(1.0_wp, 0.0_wp, g%has_target(held(k))), g%target_x(:, held(k)), &
+                       g%target_quat(:, held(k))]
+    end do
+  end subroutine keep_targets
+
+  pure subroutine put_targets(targets, g)
+    real(wp), intent(in) :: targets(:, :)
+    type(dem_grains_type), intent(inout) :: g
+    integer(i4) :: i, k
+    k = 0
+    do i = 1, merge(g%n, 0_i4, size(targets) > 0)
+      if (.not. is_prescribed(g%kind(i))) cycle
+      k = k + 1
+      g%has_target(i) = targets(1, k) > 0.5_wp
+      g%target_x(:, i) = targets(2:4, k)
+      g%target_quat(:, i) = targets(5:8, k)
+    end do
+  end subroutine put_targets
 
   !> Depth of the halo: two largest free grains and the skin.
   subroutine find_range(d)

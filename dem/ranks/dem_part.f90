@@ -6,6 +6,7 @@ module dem_part
   use dem_state, only: dem_data_type, dem_ledger_type, dem_cell_type, kind_mirror
   use dem_cell_stress, only: cell_sums
   use dem_contacts, only: dem_contacts_type, list_contacts
+  use dem_exact_forces, only: sum_anew
   use dem_halo_state, only: cell_reals
   use dem_ledger, only: follow_step, refresh_stored, start_ledger
   use dem_limits, only: gershgorin_step, rayleigh_step, foreseen_step
@@ -61,6 +62,7 @@ contains
     type(dem_data_type), intent(inout) :: part
     type(error_list_type), intent(inout) :: errors
     call evaluate_forces(part, 0.0_wp)
+    call sum_anew(part)
     call add_loads(part)
     part%pending = 0.0_wp
     call check_overlap(part, 'I215', errors)

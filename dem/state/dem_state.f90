@@ -10,6 +10,7 @@ module dem_state
   use dem_surface_state, only: dem_surfaces_type
   use dem_halo_state, only: dem_halo_type
   use dem_pore_state, only: dem_pore_type
+  use dem_exact_state, only: dem_exact_type
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
@@ -272,6 +273,7 @@ module dem_state
     type(dem_health_type) :: health
     type(dem_parts_type) :: parts
     type(dem_pore_type) :: pore
+    type(dem_exact_type) :: exact
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)  !! (grains) at the last check of adaptive damping [J]

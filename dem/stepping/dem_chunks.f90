@@ -1,7 +1,8 @@
 !> Both halves of a step for a chunk of grains; the last chunk is that of planes and surfaces.
 module dem_chunks
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_mirror, body_size
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
+    kind_mirror, body_size
   use dem_carry, only: start_carried, finish_carried, recall_carried
   use dem_forces, only: sum_body
   use dem_lanes, only: sum_lanes, call_for
@@ -12,6 +13,7 @@ module dem_chunks
   use dem_relist, only: travel_of, larger
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
+  use dem_exact_forces, only: note_ghost, note_vertices
   use dem_membrane, only: push_surfaces, finish_membranes
   use dem_surface_forces, only: add_surface_loads
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel
@@ -148,6 +150,7 @@ contains
         if (block%free(k) > 0.5_wp .or. d%grains%kind(block%low + k) == kind_mirror) cycle
         call finish_prescribed(d%grains, block%low + k, motion%dt, state%f(k, :), state%m(k, :), &
                                work%finished(:, c))
+        if (d%grains%kind(block%low + k) == kind_ghost) call note_ghost(d, block%low + k)
       end do
       if (block%free_count == 0) return
       if (last) call store_forces(block, state, d%grains)
@@ -183,6 +186,7 @@ contains
       work(4) = work(4) + done
     end do
     if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
+    if (d%surfaces%n > 0) call note_vertices(d%surfaces, d%exact%vertices)
     if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
   end subroutine finish_planes
 end module dem_chunks

@@ -27,6 +27,7 @@ module dem_steps
   use dem_passages, only: name_passage
   use dem_prescribed, only: drift_prescribed, finish_prescribed
   use dem_ellipsoid, only: quaternion_from_rotation
+  use dem_exact_forces, only: begin_exact, find_places, settle_exact
   use dem_membrane_forces, only: share_near
   use dem_surface_forces, only: surface_load
   use dem_swap, only: agree_travel, begin_swap, end_swap, add_loads
@@ -57,6 +58,7 @@ contains
     call watch_depth(d, .true.)
     call plan_work(d, work)
     call set_turns(d)
+    call begin_exact(d)
     done = 0
     resumed = .false.
     do while (done < n)
@@ -83,8 +85,10 @@ contains
       resumed = .true.
       if (d%halo%team%several()) call name_stray(d, errors)
       if (d%halo%strayed) return
+      call find_places(d, d%grains%kind(:d%grains%n) == kind_ghost)
       call plan_work(d, work)
     end do
+    if (n > 0) call settle_exact(d, d%par%dt)
     if (n > 0) call add_grain_work(d, work%finished)
     d%grains%has_target = .false.
     if (.not. all_finite(d)) call name_lost_grain(d, errors)

@@ -26,6 +26,7 @@ module dem_system
     resize_grains, gain
   use dem_store, only: put_state, get_state
   use dem_contacts, only: dem_contacts_type, list_contacts
+  use dem_exact_forces, only: sum_anew
   use dem_start_springs, only: start_springs_type, hang_springs, count_springs
   use dem_surface_search, only: list_near
   use dem_driven_system, only: dem_driven_system_type
@@ -102,6 +103,7 @@ contains
     if (self%surfaces%n > 0) call list_near(self%dem_data_type)
     if (self%springs%given > 0) call hang_springs(self%dem_data_type, self%springs)
     call evaluate_forces(self%dem_data_type, 0.0_wp)
+    call sum_anew(self%dem_data_type)
     self%springs%used = count_springs(self%dem_data_type, self%springs)
     self%pending = 0.0_wp
     self%ready = .true.

@@ -50,26 +50,35 @@ COUPLED = """&run        title = 'Faults', t_end = {t_end} /
 """
 
 
-def make_model(folder: Path, t_end: float, transport: str = "shared_memory") -> None:
-    """Write packing, mesh and decks: 16 ghosts on a cube, 18 grains falling on them."""
+def make_model(
+    folder: Path, t_end: float, transport: str = "shared_memory", *, surface: bool = False
+) -> None:
+    """Write packing, mesh and decks: 16 ghosts on a cube, 18 grains falling on them.
+
+    With a surface there are no ghosts: the grains fall on the facets of the cube.
+    """
     folder.mkdir(parents=True)
     a = (np.arange(4) + 0.5) * PITCH
     b = (np.arange(3) + 1.0) * PITCH
-    flat = [(x, y, 0.0) for x in a for y in a]
-    free = [(x, y, (0.72 + 1.02 * k) * PITCH) for k in range(2) for x in b for y in b]
+    flat = [] if surface else [(x, y, 0.0) for x in a for y in a]
+    low = 0.5 if surface else 0.72
+    free = [(x, y, (low + 1.02 * k) * PITCH) for k in range(2) for x in b for y in b]
     x = np.array(flat + free)
     kind = np.array([1] * len(flat) + [0] * len(free), dtype=np.int32)
     v = np.zeros_like(x)
     v[len(flat) :, 2] = -0.2
     axes = np.full((len(x), 3), 0.49 * PITCH)
-    groups = {"floor": np.arange(1, len(flat) + 1)}
+    groups = {} if surface else {"floor": np.arange(1, len(flat) + 1)}
     write_packing(folder / "packing.h5", x, axes, kind=kind, v=v, groups=groups)
     edge = 4 * PITCH
     cube = meshes.box(np.array([0.0, 0.0, -edge]), np.array([edge, edge, 0.0]), (2, 2, 2))
     meshes.write_mesh(folder / "block.h5", cube)
     (folder / "grains.nml").write_text(GRAINS)
     (folder / "solid.nml").write_text(SOLID)
-    (folder / "coupled.nml").write_text(COUPLED.format(t_end=t_end, transport=transport))
+    deck = COUPLED.format(t_end=t_end, transport=transport)
+    if surface:
+        deck = deck.replace("ghosts = 'floor'", "surface = 'quartz', interface = 'none'")
+    (folder / "coupled.nml").write_text(deck)
 
 
 def children(pid: int) -> dict[str, int]:
