@@ -50,7 +50,7 @@ const char *talus_port_spec(int argc, char **argv)
     return NULL;
 }
 
-/* The first line of the file of attach:FILE, once it is there; 0 or below. */
+/* Port and run id, first and fourth line of the file of attach:FILE, once it is there; 0 or below. */
 static int read_rendezvous(struct talus_port *port, const char *path, char *spec, size_t room)
 {
     const double end = port_now() + ATTACH;
@@ -62,8 +62,12 @@ static int read_rendezvous(struct talus_port *port, const char *path, char *spec
     }
     if (!fgets(spec, (int)room, file))
         spec[0] = '\0';
+    for (int line = 2; line <= 4; line++)
+        if (!fgets(port->run_id, TEXT, file))
+            port->run_id[0] = '\0';
     fclose(file);
     spec[strcspn(spec, "\n")] = '\0';
+    port->run_id[strcspn(port->run_id, "\n")] = '\0';
     return 0;
 }
 
@@ -75,8 +79,10 @@ static void connect_to(struct talus_port *port, const char *name)
 
     talus_partner_place(place, TEXT);
     talus_partner_host(host, TEXT);
-    while (!(port->shm = talus_shm_connect(name, place, host, &stage, &code))) {
-        if (stage != STAGE_ABSENT)
+    while (!(port->shm = talus_shm_connect(name, port->run_id, place, host, &stage, &code))) {
+        if (stage == STAGE_RUN)
+            port_lost(port, "P027: the segment %s is not of the run %s", name, port->run_id);
+        else if (stage != STAGE_ABSENT)
             port_lost(port, "P016: the segment %s cannot be joined: %s", name,
                       code ? strerror(code) : "it is damaged or of another version");
         else if (port_now() > end)
@@ -180,12 +186,22 @@ static int damaged(struct talus_port *port)
     return port_lost(port, "P023: a control word of the port is damaged: %s", text);
 }
 
+/* Whether who has joined, if anybody, does not know whose run this is. */
+static int stranger(struct talus_port *port)
+{
+    talus_port_partner(port);
+    return talus_shm_stranger(port->shm) ? port_lost(port, "P027: who has joined this port does "
+                                                           "not know the run id") : 0;
+}
+
 /* Between two slices: is the port whole, and is the other side there? */
 static int look(struct talus_port *port, int reading)
 {
     char text[TEXT];
     if (talus_shm_damage(port->shm, text, TEXT))
         return damaged(port);
+    if (stranger(port) < 0)
+        return TALUS_PORT_LOST;
     if (talus_shm_partner_gone(port->shm) && !(reading && talus_shm_incoming(port->shm, 0.0) > 0))
         return port_lost(port, "P001: the partner has ended");
     return 0;
@@ -216,7 +232,7 @@ int64_t talus_port_incoming(struct talus_port *port, double limit)
         if (bytes % WORD || bytes > LONGEST)
             return port_lost(port, "P006: a message of %lld bytes", (long long)bytes);
         if (bytes > 0)
-            return bytes / WORD;
+            return stranger(port) < 0 ? TALUS_PORT_LOST : bytes / WORD;
         if (look(port, 1) < 0 || lost_message(port, &first) < 0)
             return TALUS_PORT_LOST;
         if (limit >= 0.0 && port_now() > end)

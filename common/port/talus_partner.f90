@@ -13,9 +13,13 @@ module talus_partner
   implicit none
   private
   public :: partner_type, own_pid, own_place, own_host, own_start, now, nap
+  public :: report_stranger, other_run_hint
 
   real(wp), parameter :: check_interval = 0.2_wp  !! s between two checks of the CPU time
   real(wp), parameter :: longest_gap = 1.0_wp !! s; a longer gap: we were stopped ourselves
+
+  character(len=*), parameter :: other_run_hint = &
+    'a solver of another run, or a foreign program: start both sides again'
 
   !> One watched process.
   type :: partner_type
@@ -277,4 +281,12 @@ contains
     call c_host(buffer, size(buffer))
     text = text_of(buffer)
   end function own_host
+
+  !> P027: who has joined does not know whose run this is.
+  subroutine report_stranger(partner, errors)
+    character(len=*), intent(in) :: partner  !! its title
+    type(error_list_type), intent(inout) :: errors
+    call errors%add('P027', partner//': who has joined this port does not know the run id', '', &
+                    other_run_hint)
+  end subroutine report_stranger
 end module talus_partner

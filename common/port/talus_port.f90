@@ -109,9 +109,10 @@ contains
 
     faults = errors%count
     self%spec = spec
+    self%run_id = ''
     if (starts_with(spec, 'attach:')) then
       self%rendezvous = spec(8:)
-      call read_rendezvous(self%rendezvous, attach_limit, self%spec, errors)
+      call read_rendezvous(self%rendezvous, attach_limit, self%spec, self%run_id, errors)
     end if
     if (errors%count == faults) call read_spec(self%spec, transport, errors)
     if (errors%count > faults) return
@@ -120,9 +121,9 @@ contains
     started = now()
     do
       if (transport == transport_shm) then
-        call self%shm%connect(self%spec(5:), absent, errors)
+        call self%shm%connect(self%spec(5:), self%run_id, absent, errors)
       else
-        call self%file%connect(self%spec(6:), absent, errors)
+        call self%file%connect(self%spec(6:), self%run_id, absent, errors)
       end if
       if (errors%count > faults) return
       if (.not. absent) exit
@@ -239,7 +240,11 @@ contains
       call look(self, .true., errors)
       if (errors%count > faults) return
     end do
-    if (self%partner%pid == 0) call meet(self)
+    if (self%partner%pid == 0) then
+      call meet(self)
+      call look_for_damage(self, errors)
+      if (errors%count > faults) return
+    end if
     call check(self, message, words, errors)
   end subroutine receive
 
@@ -328,14 +333,24 @@ contains
     if (self%transport == transport_shm) then
       beat = self%shm%partner_beat()
       signs = self%shm%partner_waits()
-      call self%shm%inspect(self%partner%title(), errors)
     else
       call self%file%beat(waits=.true.)
       call self%file%partner_beat(beat, waits)
       signs = merge(beat, -1_i8, waits)
-      call self%file%inspect(errors)
     end if
+    call look_for_damage(self, errors)
   end subroutine look_at_port
+
+  !> P023, P025 where the port is damaged or gone, P027 where a stranger has joined it.
+  subroutine look_for_damage(self, errors)
+    class(port_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (self%transport == transport_shm) then
+      call self%shm%inspect(self%partner%title(), errors)
+    else
+      call self%file%inspect(self%partner%title(), errors)
+    end if
+  end subroutine look_for_damage
 
   !> P024 when both sides have waited for each other for a while and nothing has arrived.
   subroutine judge_loss(self, signs, errors)

@@ -14,7 +14,8 @@ module talus_port_file
   use talus_c_text, only: text_of
   use talus_port_remains, only: watch_asker
   use talus_system, only: system_error_text
-  use talus_partner, only: own_pid, own_place, own_start, now
+  use talus_partner, only: own_pid, own_place, own_start, now, other_run_hint, &
+    report_stranger
   implicit none
   private
   public :: file_port_type, read_lines, write_lines, remove_file
@@ -27,6 +28,7 @@ module talus_port_file
   !> One end of a port made of files.
   type :: file_port_type
     character(len=:), allocatable :: run_id
+    logical, private :: stranger = .false.  !! the other side has not proved the run id
     character(len=:), allocatable, private :: folder, side, stem
     logical, private :: asks = .false., trace = .false.
     integer(i8), private :: due = 1       !! sequence of the message to read next
@@ -142,9 +144,10 @@ contains
   end subroutine file_create
 
   !> Try to join; `absent` when the port is not offered yet.
-  subroutine file_connect(self, path, absent, errors)
+  subroutine file_connect(self, path, run_id, absent, errors)
     class(file_port_type), intent(inout) :: self
     character(len=*), intent(in) :: path
+    character(len=*), intent(in) :: run_id  !! as this program was told, empty if it was not
     logical, intent(out) :: absent
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: line(:)
@@ -166,12 +169,17 @@ contains
       return
     end if
     self%run_id = line(2)%s
+    if (run_id /= '' .and. run_id /= self%run_id) then
+      call errors%add('P027', 'the port file is not of the run '//run_id, path//'.port', &
+                      other_run_hint)
+      return
+    end if
     self%ask_place = line(3)%s
     self%trace = line(5)%s == 'true'
     call c_remove(path//'.port'//c_null_char)
     call self%beat()
     code = c_write(path//'.joined'//c_null_char, own_place()//new_line('a')//str(own_pid())// &
-                   new_line('a')//c_null_char)
+                   new_line('a')//self%run_id//new_line('a')//c_null_char)
     if (code /= 0) &
       call errors%add('P018', 'the port''s folder cannot be written (system error '// &
                       str(code)//')', self%folder, 'a writable folder that both sides see')
@@ -272,9 +280,9 @@ contains
     file_arrived = c_wait(message_path(self, self%due, .not. self%asks)//c_null_char, 0.0_wp) /= 0
   end function file_arrived
 
-  !> Who has joined on the other side: process number (0 none) and place.
+  !> Who has joined on the other side: process number (0 none, or a stranger) and place.
   subroutine file_partner(self, pid, place)
-    class(file_port_type), intent(in) :: self
+    class(file_port_type), intent(inout) :: self
     integer(i4), intent(out) :: pid
     character(len=:), allocatable, intent(out) :: place
     type(string_type), allocatable :: line(:)
@@ -289,6 +297,9 @@ contains
     end if
     call read_lines(self%stem//'.joined', line)
     if (size(line) < 2) return
+    self%stranger = size(line) < 3
+    if (.not. self%stranger) self%stranger = line(3)%s /= self%run_id
+    if (self%stranger) return
     read (line(2)%s, *, iostat=stat) pid
     if (stat /= 0) pid = 0
     place = line(1)%s
@@ -338,10 +349,13 @@ contains
     self%trouble = code
   end subroutine file_beat
 
-  !> P025 when the folder has been out of reach for so long that it will not come back.
-  subroutine file_inspect(self, errors)
+  !> P025 when the folder has been out of reach for so long that it will not come back, P027 when a
+  !! stranger has joined.
+  subroutine file_inspect(self, partner, errors)
     class(file_port_type), intent(in) :: self
+    character(len=*), intent(in) :: partner  !! its title
     type(error_list_type), intent(inout) :: errors
+    if (self%stranger) call report_stranger(partner, errors)
     if (self%trouble == 0 .or. now() - self%reached < folder_limit) return
     call errors%add('P025', 'the port''s folder cannot be reached any more ('// &
                     system_error_text(self%trouble)//')', self%folder, &

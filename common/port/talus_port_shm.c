@@ -62,6 +62,7 @@ struct side {
     _Alignas(64) _Atomic uint64_t joined; /* process number; 0 before */
     char about[2][TEXT];                  /* place, host */
     uint64_t crc;                         /* of them */
+    uint64_t proof;                       /* of them and the run id */
 };
 
 struct control {
@@ -76,6 +77,7 @@ struct control {
 struct port {
     int fd, me, met;       /* met: the other side has joined */
     int bad_place;         /* of a damaged word, 0 while none was seen */
+    int stranger;          /* the other side has not proved the run id */
     uint64_t bad_word;
     unsigned sent, taken;  /* chunks of ours that were written, of the other side that we took */
     unsigned slept;        /* times */
@@ -116,6 +118,12 @@ static uint64_t crc_of_chunk(const struct chunk *chunk)
 static uint64_t crc_of_side(const struct side *side)
 {
     return talus_crc64_bytes(side->about, sizeof side->about, 0);
+}
+
+/* What a side can only write that knows whose run this is. */
+static uint64_t proof_of_side(const struct side *side, const char *run_id)
+{
+    return talus_crc64_bytes(run_id, TEXT, crc_of_side(side));
 }
 
 static uint64_t crc_of_control(const struct control *c)
@@ -183,6 +191,7 @@ static void sign_in(struct port *p, const char *place, const char *host)
     snprintf(s->about[0], TEXT, "%s", place);
     snprintf(s->about[1], TEXT, "%s", host);
     s->crc = crc_of_side(s);
+    s->proof = proof_of_side(s, p->run_id);
     atomic_store(&s->joined, sealed((unsigned)getpid(), JOINED + p->me));
 }
 
@@ -220,7 +229,8 @@ struct port *talus_shm_create(const char *name, int64_t slot, const char *run_id
         return fail(p, stage, code, p->control ? STAGE_MAP : STAGE_SPACE, why);
     }
     p->slot = p->control->slot = slot;
-    snprintf(p->control->run_id, TEXT, "%s", run_id);
+    snprintf(p->run_id, TEXT, "%s", run_id);
+    memcpy(p->control->run_id, p->run_id, TEXT);
     p->control->crc = crc_of_control(p->control);
     for (int k = 0; k < 2; k++) {
         atomic_store(&p->control->channel[k].written, sealed(0, WRITTEN + k));
@@ -234,8 +244,9 @@ struct port *talus_shm_create(const char *name, int64_t slot, const char *run_id
     return p;
 }
 
-struct port *talus_shm_connect(const char *name, const char *place, const char *host, int *stage,
-                               int *code)
+/* run_id: what the caller was told, empty when it was not. */
+struct port *talus_shm_connect(const char *name, const char *run_id, const char *place,
+                               const char *host, int *stage, int *code)
 {
     struct port *p = new_port(name, SERVE);
     struct stat file;
@@ -260,6 +271,8 @@ struct port *talus_shm_connect(const char *name, const char *place, const char *
         return fail(p, stage, code, STAGE_DAMAGED, 0);
     p->slot = p->control->slot;
     memcpy(p->run_id, p->control->run_id, TEXT - 1);
+    if (run_id[0] && strcmp(run_id, p->run_id) != 0)
+        return fail(p, stage, code, STAGE_RUN, 0);
     if (control_bytes + 2 * (size_t)p->slot != p->size)
         return fail(p, stage, code, STAGE_FOREIGN, 0);
     if (take_lock(p) != 0)
@@ -442,7 +455,7 @@ int talus_shm_read(struct port *p, void *to, int64_t total, int64_t *done, doubl
 }
 
 /* Process number, place and host of the other side; 0 while it has not joined, or when what it says
-   of itself is damaged. */
+   of itself is damaged or belongs to another run. */
 int talus_shm_partner(struct port *p, char *place, char *host, int room)
 {
     struct side *s = &p->control->side[1 - p->me];
@@ -453,7 +466,8 @@ int talus_shm_partner(struct port *p, char *place, char *host, int room)
         damaged(p, JOINED + 1 - p->me, joined);
     else if (s->crc != crc_of_side(s))
         damaged(p, ABOUT + 1 - p->me, s->crc);
-    if (p->bad_place)
+    p->stranger = s->proof != proof_of_side(s, p->run_id);
+    if (p->bad_place || p->stranger)
         return 0;
     snprintf(place, (size_t)room, "%.*s", TEXT - 1, s->about[0]);
     snprintf(host, (size_t)room, "%.*s", TEXT - 1, s->about[1]);
@@ -503,6 +517,12 @@ int talus_shm_damage(struct port *p, char *text, int room)
     snprintf(text, (size_t)room, "'%s' of %s (seen: %016llX)", names[name],
              owners[p->bad_place % 2 + 2 * of_side], (unsigned long long)p->bad_word);
     return p->bad_place != 0;
+}
+
+/* Whether somebody has joined who does not know the run id. */
+int talus_shm_stranger(struct port *p)
+{
+    return p->stranger;
 }
 
 void talus_shm_run_id(struct port *p, char *text, int room)

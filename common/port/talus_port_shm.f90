@@ -7,14 +7,15 @@ module talus_port_shm
   use talus_errors, only: error_list_type
   use talus_message_buffer, only: message_buffer_type, longest_message
   use talus_c_text, only: text_of
-  use talus_partner, only: own_place, own_host
+  use talus_partner, only: own_place, own_host, other_run_hint, report_stranger
   implicit none
   private
   public :: shm_port_type
 
   integer(i8), parameter :: slot_bytes = 2_i8**22  !! of each direction; longer messages in chunks
   integer(c_int), parameter :: stage_open = 1, stage_space = 2, stage_map = 3, stage_lock = 4
-  integer(c_int), parameter :: stage_absent = 5, stage_foreign = 6, stage_damaged = 7
+  integer(c_int), parameter :: stage_absent = 5, stage_foreign = 6, stage_damaged = 7, &
+    stage_run = 8
   integer, parameter :: room = 128
   character(len=*), parameter :: damage_hint = 'memory fault, or a foreign program; '// &
     'the last checkpoint is valid'
@@ -49,10 +50,10 @@ module talus_port_shm
       integer(c_int), intent(out) :: stage, code
       type(c_ptr) :: handle
     end function c_create
-    function c_connect(name, place, host, stage, code) result(handle) &
+    function c_connect(name, run_id, place, host, stage, code) result(handle) &
       bind(c, name='talus_shm_connect')
       import :: c_char, c_int, c_ptr
-      character(kind=c_char), intent(in) :: name(*), place(*), host(*)
+      character(kind=c_char), intent(in) :: name(*), run_id(*), place(*), host(*)
       integer(c_int), intent(out) :: stage, code
       type(c_ptr) :: handle
     end function c_connect
@@ -110,6 +111,11 @@ module talus_port_shm
       integer(c_int), value :: room
       integer(c_int) :: damaged
     end function c_damage
+    function c_stranger(handle) result(stranger) bind(c, name='talus_shm_stranger')
+      import :: c_int, c_ptr
+      type(c_ptr), value :: handle
+      integer(c_int) :: stranger
+    end function c_stranger
     subroutine c_run_id(handle, text, room) bind(c, name='talus_shm_run_id')
       import :: c_char, c_int, c_ptr
       type(c_ptr), value :: handle
@@ -152,14 +158,15 @@ contains
   end subroutine shm_create
 
   !> Try to join the segment; `absent` when it is not there yet.
-  subroutine shm_connect(self, name, absent, errors)
+  subroutine shm_connect(self, name, run_id, absent, errors)
     class(shm_port_type), intent(inout) :: self
     character(len=*), intent(in) :: name
+    character(len=*), intent(in) :: run_id  !! as this program was told, empty if it was not
     logical, intent(out) :: absent
     type(error_list_type), intent(inout) :: errors
     integer(c_int) :: stage, code
 
-    self%handle = c_connect(name//c_null_char, own_place()//c_null_char, &
+    self%handle = c_connect(name//c_null_char, run_id//c_null_char, own_place()//c_null_char, &
                             own_host()//c_null_char, stage, code)
     absent = stage == stage_absent
     if (c_associated(self%handle) .or. absent) return
@@ -170,6 +177,9 @@ contains
     case (stage_damaged)
       call errors%add('P023', 'the head of the shared memory segment is damaged', &
                       '/dev/shm'//name, damage_hint)
+    case (stage_run)
+      call errors%add('P027', 'the shared memory segment is not of the run '//run_id, &
+                      '/dev/shm'//name, other_run_hint)
     case (stage_lock)
       call errors%add('P016', 'another process has already joined this port', '/dev/shm'//name, &
                       'one solver a port; a solver on several ranks uses rank 0 only')
@@ -250,7 +260,7 @@ contains
     shm_partner_waits = c_partner_waits(self%handle)
   end function shm_partner_waits
 
-  !> P023 when a control word of the segment was found damaged.
+  !> P023 when a control word of the segment was found damaged, P027 when a stranger has joined.
   subroutine shm_inspect(self, partner, errors)
     class(shm_port_type), intent(in) :: self
     character(len=*), intent(in) :: partner  !! its title
@@ -259,6 +269,7 @@ contains
     if (c_damage(self%handle, text, int(room, c_int)) /= 0) &
       call errors%add('P023', partner//': a control word of the shared memory is damaged: '// &
                       text_of(text), '', damage_hint)
+    if (c_stranger(self%handle) /= 0) call report_stranger(partner, errors)
   end subroutine shm_inspect
 
   function shm_run_id(self) result(run_id)

@@ -6,14 +6,15 @@
 
 enum { TEXT = 128 }; /* bytes of a run id, place or host */
 /* At which stage a segment could not be made or joined. */
-enum { STAGE_OPEN = 1, STAGE_SPACE, STAGE_MAP, STAGE_LOCK, STAGE_ABSENT, STAGE_FOREIGN, STAGE_DAMAGED };
+enum { STAGE_OPEN = 1, STAGE_SPACE, STAGE_MAP, STAGE_LOCK, STAGE_ABSENT, STAGE_FOREIGN, STAGE_DAMAGED,
+       STAGE_RUN };
 
 struct port;
 
 struct port *talus_shm_create(const char *name, int64_t slot, const char *run_id,
                               const char *place, const char *host, int *stage, int *code);
-struct port *talus_shm_connect(const char *name, const char *place, const char *host, int *stage,
-                               int *code);
+struct port *talus_shm_connect(const char *name, const char *run_id, const char *place,
+                               const char *host, int *stage, int *code);
 int talus_shm_write(struct port *p, const void *from, int64_t total, int64_t *done, double slice);
 int64_t talus_shm_incoming(struct port *p, double slice);
 int talus_shm_read(struct port *p, void *to, int64_t total, int64_t *done, double slice);
@@ -22,6 +23,7 @@ int64_t talus_shm_partner_beat(struct port *p);
 int talus_shm_partner_gone(struct port *p);
 int talus_shm_partner_waits(struct port *p);
 int talus_shm_damage(struct port *p, char *text, int room);
+int talus_shm_stranger(struct port *p);
 int talus_shm_unlocked(const char *name);
 void talus_shm_run_id(struct port *p, char *text, int room);
 void talus_shm_beat(struct port *p);

@@ -28,15 +28,16 @@ contains
   end subroutine write_rendezvous
 
   !> Serve side: wait for the file and learn the port; shared memory needs the same machine.
-  subroutine read_rendezvous(path, limit, spec, errors)
+  subroutine read_rendezvous(path, limit, spec, run_id, errors)
     character(len=*), intent(in) :: path
     real(wp), intent(in) :: limit  !! s to wait for the file
-    character(len=:), allocatable, intent(out) :: spec
+    character(len=:), allocatable, intent(out) :: spec, run_id
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: line(:)
     real(wp) :: started
 
     spec = ''
+    run_id = ''
     started = now()
     do
       call read_lines(path, line)
@@ -54,6 +55,7 @@ contains
       call nap(0.05_wp)
     end do
     spec = line(1)%s
+    run_id = line(4)%s
     if (.not. starts_with(spec, 'shm:') .or. line(3)%s == own_place()) return
     call errors%add('P016', 'talus-couple runs on '//line(2)%s//', this program on '// &
                     own_host()//': shared memory does not reach so far', path, &

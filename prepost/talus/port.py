@@ -243,23 +243,23 @@ def write_lines(path: Path, *text: str) -> None:
 
 
 def join(stem: str) -> list[str]:
-    """Join a port that talus-couple offers; return the lines of its offer."""
+    """Join a port that talus-couple offers, with its run id; return the lines of its offer."""
     limit = time.monotonic() + PATIENCE
     offer_file = Path(f"{stem}.port")
     while not offer_file.exists() and time.monotonic() < limit:
         time.sleep(0.01)
     text = offer_file.read_text().splitlines()
     offer_file.unlink()
-    write_lines(Path(f"{stem}.joined"), place(), str(os.getpid()))
+    write_lines(Path(f"{stem}.joined"), place(), str(os.getpid()), text[1])
     write_lines(Path(f"{stem}.beat"), "1")
     return text
 
 
-def offer(stem: str) -> None:
+def offer(stem: str, run_id: str = "test") -> None:
     """Offer a port to a solver, as talus-couple does."""
     Path(stem).parent.mkdir(exist_ok=True)
     write_lines(Path(stem).parent / "couple.beat", "1")
-    write_lines(Path(f"{stem}.port"), "talus-port 1", "test", place(), str(os.getpid()), "false")
+    write_lines(Path(f"{stem}.port"), "talus-port 1", run_id, place(), str(os.getpid()), "false")
 
 
 def spec_of(arguments: list[str]) -> str:

@@ -16,6 +16,7 @@ from talus.port_judge import of_verb
 from talus.port_names import HEADER, HEADER_WORDS, PROTOCOL
 from talus.port_shm import SharedEnd, checksum, is_whole
 
+RUN = "port-test"  # run id
 PATIENCE = 5.0  # time limits for a reply of a solver that lives
 TICK = 0.25  # s between two looks at the solver
 
@@ -36,10 +37,10 @@ class SolverAsker:
         self.stem = str(self.folder / "port/solver")
         if transport == "shared_memory":
             spec = f"shm:/talus-{os.getpid()}-{secrets.token_hex(8)}-solver"
-            self.end = SharedEnd.offer(spec, "port-test")
+            self.end = SharedEnd.offer(spec, RUN)
         else:
             spec = f"hdf5:{self.stem}"
-            offer(self.stem)
+            offer(self.stem, RUN)
         try:
             with self.log.open("w") as log:
                 self.process = subprocess.Popen([*command, f"--port={spec}"], stdout=log,
@@ -118,6 +119,7 @@ class SolverAsker:
         """Return the reply when it comes within a moment."""
         try:
             if self.end is None:
+                self.look_who_joined()
                 return read_message(self.stem, self.sequence, "reply", lambda: False)
             words = self.end.pull(TICK)
         except FaultError as fault:
@@ -132,6 +134,12 @@ class SolverAsker:
             return Message.of_words(words)
         except FaultError as fault:
             raise LostError(fault.message) from fault
+
+    def look_who_joined(self) -> None:
+        """Raise LostError where somebody has joined the files without the run id."""
+        joined = Path(f"{self.stem}.joined")
+        if joined.exists() and joined.read_text(errors="replace").splitlines()[2:] != [RUN]:
+            raise LostError("P027: who has joined this port does not know the run id")
 
     def signs(self) -> tuple[int | str, ...]:
         """Return heartbeat and CPU time of the solver."""
@@ -165,7 +173,7 @@ class SolverAsker:
 
     def hello(self, restart: str = "", protocol: int = PROTOCOL) -> tuple[Message, Message]:
         """Greet."""
-        return self.ask("HELLO", run_id="port-test", restart=restart, protocol=protocol)
+        return self.ask("HELLO", run_id=RUN, restart=restart, protocol=protocol)
 
     def exit_code(self) -> int | None:
         """Wait for the end and return the exit code; None when the solver stays."""

@@ -60,6 +60,9 @@ def build(source: Path, binary: Path, kind: str = "so") -> str:
     return str(binary)
 
 
+SIDE, PROOF = 576, 336  # offset of the solver's side in a segment, of its proof there (bytes)
+
+
 class Asker:
     """Asks a solver in shared memory."""
 
@@ -88,6 +91,35 @@ class Asker:
     def hello(self) -> Message:
         """Greet."""
         return self.ask("HELLO", run_id="test", restart="", protocol=PROTOCOL)
+
+
+def test_a_stranger_on_the_segment() -> None:
+    """Who joins without the run id is refused with P027, and so is the port of another run."""
+    name = f"talus-{os.getpid()}-stranger"
+    asker = SharedEnd.offer(f"shm:/{name}", "this-run")
+    with Path(f"/dev/shm/{name}").open("r+b") as segment:
+        solver = SharedEnd(f"shm:/{name}")
+        segment.seek(SIDE + PROOF)
+        segment.write(b"a guess.")
+    with pytest.raises(FaultError, match="P027: who has joined"):
+        asker.pull(1.0)
+    solver.close()
+    asker.close()
+
+
+def test_the_port_of_another_run(tmp_path: Path) -> None:
+    """A rendezvous file that names another run than the segment is refused with P027."""
+    name = f"talus-{os.getpid()}-other"
+    for run_id, joins in (("another-run", False), ("this-run", True)):
+        asker = SharedEnd.offer(f"shm:/{name}", "this-run")
+        (tmp_path / "meet").write_text(f"shm:/{name}\nhost\nplace\n{run_id}\n")
+        if joins:
+            SharedEnd(f"attach:{tmp_path / 'meet'}").close()
+        else:
+            with pytest.raises(FaultError, match="P027: .*not of the run another-run"):
+                SharedEnd(f"attach:{tmp_path / 'meet'}")
+            Path(f"/dev/shm/{name}").unlink()
+        asker.close()
 
 
 @pytest.mark.parametrize("kind", ["so", "a"])

@@ -6,6 +6,7 @@ from talus.port import (
     Message,
     join,
     offer,
+    place,
     read_message,
     spec_of,
     write_lines,
@@ -13,7 +14,8 @@ from talus.port import (
 )
 from talus.port_names import PROTOCOL, VERBS, Field
 
-__all__ = ["Asker", "Message", "VERBS", "join", "offer", "read", "spec_of", "write", "write_lines"]
+__all__ = ["Asker", "Message", "VERBS", "join", "offer", "place",
+           "read", "spec_of", "write", "write_lines"]  # fmt: skip
 read, write = read_message, write_message
 
 

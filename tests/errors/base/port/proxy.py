@@ -67,6 +67,8 @@ def main() -> int:
         if deed == "exit":
             print("what the stand-in says", flush=True)
             return int(name)
+        if deed == "stray":
+            port.write_lines(Path(f"{outer}.joined"), port.place(), str(os.getpid()), name)
         time.sleep(600.0)
     inner = outer + "-inner/side"
     port.join(outer)

@@ -344,7 +344,7 @@ contains
     integer(i8) :: words, sequence
     logical :: absent, finished
 
-    call shm%connect(spec(5:), absent, errors)
+    call shm%connect(spec(5:), '', absent, errors)
     do
       call shm%pull(request, 1.0_wp, words)
       if (words /= 0) exit
