@@ -23,6 +23,8 @@ install_suite() {
   install -m 755 "$2"/talus-{dem,fem,couple} "$root/bin"
   install -m 755 "$source/tools/talus.in" "$root/bin/talus"
   install -m 644 "$source"/libport/talus_port.h "$source"/common/port/talus_port_names.h "$root/include"
+  install -m 644 "$source"/libport/talus_port_partner.f90 "$source"/common/base/talus_kinds.f90 \
+    "$source"/common/port/talus_{verbs,port_names,scalars}.f90 "$root/include"
   install -m 644 "$3"/libtalus_port.a "$3"/libtalus_port.so "$root/lib"
   rm -rf "$share"/{talus,editors}
   cp -r "$source"/prepost/talus "$share"
@@ -45,7 +47,7 @@ install_suite() {
   fi
   find "$share" -name __pycache__ -prune -exec rm -r {} +
   # what uninstall removes, relative to the root
-  (cd "$root" && find bin/talus bin/talus-{dem,fem,couple} include/talus_port*.h lib/libtalus_port.* lib/talus \
+  (cd "$root" && find bin/talus bin/talus-{dem,fem,couple} include/talus_port*.h include/talus_*.f90 lib/libtalus_port.* lib/talus \
     libexec/talus share/talus share/man/man1/talus*.1 "${completions[@]#*:}" \
     ! -type d 2> /dev/null || true) | sort > "$share/manifest"
 }

@@ -122,11 +122,28 @@ def test_the_port_of_another_run(tmp_path: Path) -> None:
         asker.close()
 
 
-@pytest.mark.parametrize("kind", ["so", "a"])
-def test_spring_bed_in_c(kind: str, tmp_path: Path) -> None:
-    """A grain rebounds from the C partner as contact and spring in series demand."""
+def build_in_fortran(source: Path, binary: Path) -> str:
+    """Compile a partner with the module of libtalus_port, without warnings."""
+    folder = Path(find_library()).parent
+    modules = [ROOT / "common/base/talus_kinds.f90", ROOT / "common/port/talus_verbs.f90",
+               ROOT / "common/port/talus_port_names.f90", ROOT / "common/port/talus_scalars.f90",
+               ROOT / "libport/talus_port_partner.f90"]  # fmt: skip
+    command = ["gfortran", "-std=f2018", "-Wall", "-Wno-maybe-uninitialized", "-Werror",
+               *map(str, modules), str(source), "-o", str(binary), f"-L{folder}",
+               f"-Wl,-rpath,{folder}", "-ltalus_port"]  # fmt: skip
+    subprocess.run(command, check=True, cwd=binary.parent)
+    return str(binary)
+
+
+@pytest.mark.parametrize("kind", ["so", "a", "f90"])
+def test_spring_bed(kind: str, tmp_path: Path) -> None:
+    """A grain rebounds from the partner in C and Fortran as contact and spring in series demand."""
     case = ROOT / "verification/couple/port_partner"
-    build(ROOT / "examples/12-own-solver/spring_bed.c", tmp_path / "spring_bed", kind)
+    source = ROOT / "examples/12-own-solver/spring_bed"
+    if kind == "f90":
+        build_in_fortran(source.with_suffix(".f90"), tmp_path / "spring_bed")
+    else:
+        build(source.with_suffix(".c"), tmp_path / "spring_bed", kind)
     start = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 2 * RADIUS + 2.0e-5]])
     write_packing(
         tmp_path / "pack.h5", start, np.full((2, 3), RADIUS), kind=np.array([1, 0]),
@@ -148,6 +165,15 @@ def test_spring_bed_in_c(kind: str, tmp_path: Path) -> None:
     assert abs(left - (1.0 - loss)) < (omega * 8e-6) ** 2 * series / SPRING
     force = -audit["force_on_solid_z"].min() / (SPEED * np.sqrt(MASS * series))
     assert abs(force - 1.0) < 0.5 * loss
+
+
+def test_spring_bed_in_fortran_keeps_to_the_page(tmp_path: Path) -> None:
+    """All verbs, legal and illegal, with bounds checked."""
+    bed = build_in_fortran(ROOT / "examples/12-own-solver/spring_bed.f90", tmp_path / "bed")
+    (tmp_path / "stiffness.txt").write_text(f"{SPRING}\n")
+    found, asked, side = find_faults([bed, str(tmp_path / "stiffness.txt")], Options(facets="top"))
+    assert not found, found
+    assert asked > 40 and side == "solid"
 
 
 def test_library_refuses_what_the_page_refuses(tmp_path: Path) -> None:
