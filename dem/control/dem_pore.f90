@@ -12,12 +12,13 @@ module dem_pore
   use dem_pore_cavity, only: hydrostatic, is_cavity
   use dem_pore_deck, only: read_liquid, read_grid, read_drains, check_run, check_start
   use dem_pore_state, only: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, &
-    sum_drag, sum_exchange, sum_seepage
+    sum_drag, sum_exchange, sum_seepage, sum_tools
   use dem_pore_exchange, only: begin_exchange, end_exchange
   use dem_pore_grid, only: brick_edges
   use dem_pore_side, only: side_mean
   use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
+  use dem_pore_tool_rows, only: open_tool_history, read_tools, write_tool_rows
   implicit none
   private
   public :: dem_pore_control_type, mass_error
@@ -40,6 +41,7 @@ module dem_pore
     integer(i4) :: curve(2, 3) = 0          !! of each side's drain, 0: none
     real(wp) :: value(2, 3) = 0.0_wp        !! of each drain [Pa] or [m/s]
     type(history_type) :: history
+    type(history_type) :: of_tools          !! what the liquid does to closed bodies
   contains
     procedure :: read => read_pore
     procedure :: check => check_exchange
@@ -51,6 +53,8 @@ module dem_pore
     procedure :: audit => audit_text
     procedure :: open => open_history
     procedure :: write => write_row
+    procedure :: flush => flush_histories
+    procedure :: close => close_histories
   end type dem_pore_control_type
 
 contains
@@ -77,6 +81,8 @@ contains
     call read_drains(deck, curves, served, d%pore, self%curve, errors)
     self%value = d%pore%drain_value
     call read_grid(deck, d, errors)
+    if (errors%count > before) return
+    call read_tools(deck, d, errors)
     if (errors%count > before) return
     call begin_pore(d%grains, d%pore)
     call check_start(deck, served, d, errors)
@@ -197,17 +203,19 @@ contains
   real(wp) function mass_error(d)
     type(dem_data_type), intent(in) :: d
     real(wp) :: pores
-    pores = sum(d%pore%porosity)*product(brick_edges(d%pore%grid))
+    pores = sum(d%pore%porosity*d%pore%room)*product(brick_edges(d%pore%grid))
     mass_error = abs(sum(d%pore%omega) - d%pore%sums(sum_inflow) - d%pore%sums(sum_swept))/pores
   end function mass_error
 
   !> Begin <stem>_pore.csv, or go on in it after a restart at time >= 0.
-  subroutine open_history(self, stem, time, errors)
+  subroutine open_history(self, d, stem, time, errors)
     class(dem_pore_control_type), intent(inout) :: self
+    type(dem_data_type), intent(in) :: d
     character(len=*), intent(in) :: stem
     real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
     type(error_list_type), intent(inout) :: errors
     if (self%active) call self%history%begin(stem//'_pore.csv', columns, time, errors)
+    if (self%active) call open_tool_history(self%of_tools, d, stem, time, errors)
   end subroutine open_history
 
   !> Pressures of the exchange under way, sums of those that are over.
@@ -219,16 +227,31 @@ contains
     real(wp) :: c(size(d%pore%p)), rest(size(d%pore%p)), side(6)
     integer(i4) :: k
     if (.not. self%history%is_open()) return
+    call write_tool_rows(self%of_tools, time, d, errors)
     associate (pore => d%pore, s => d%pore%sums)
       call node_storage(pore, c)
       side = [(side_mean(d%pore, k), k=1, 6)]
       rest = hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale*d%par%gravity)
       call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &
         s(sum_inflow), s(sum_swept), mass_error(d), s(sum_seepage + 1:sum_seepage + 6), &
-        s(sum_work), s(sum_hull), s(sum_flow), s(sum_darcy), s(sum_drag), s(sum_exchange), &
+        s(sum_work), s(sum_hull) + s(sum_tools), s(sum_flow), s(sum_darcy), s(sum_drag), s(sum_exchange), &
         pore%stored, sum(abs(pore%omega - c*pore%p)), &
         maxval(abs(pore%porosity - pore%first_porosity)), real(pore%exchanges, wp), &
         real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp)], errors)
     end associate
   end subroutine write_row
+
+  subroutine flush_histories(self, errors)
+    class(dem_pore_control_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%history%flush(errors)
+    call self%of_tools%flush(errors)
+  end subroutine flush_histories
+
+  subroutine close_histories(self, errors)
+    class(dem_pore_control_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    call self%history%close(errors)
+    call self%of_tools%close(errors)
+  end subroutine close_histories
 end module dem_pore

@@ -29,9 +29,8 @@ contains
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: ranks
     type(error_list_type), intent(inout) :: errors
-    character(len=12), parameter :: others(12) = [character(len=12) :: 'cell', 'surface', &
-      'penetrometer', 'cylinder', 'membrane', 'body', 'source', 'sink', 'window', 'breakage', &
-      'probe', 'tile']
+    character(len=12), parameter :: others(8) = [character(len=12) :: 'cell', 'membrane', &
+      'source', 'sink', 'window', 'breakage', 'probe', 'tile']
     logical :: carried, total
     integer(i4) :: k
 

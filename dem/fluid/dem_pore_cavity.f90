@@ -39,7 +39,7 @@ contains
       turns = turns + more
       next = loose > 0.5_wp .and. p < low
       if (any(bound)) then
-        call apply(grid, equations%storage, equations%matrix, p, product)
+        call apply(grid, equations, p, product)
         next = next .or. (bound .and. product >= equations%rhs)
       end if
       if (.not. any(next .neqv. bound)) return

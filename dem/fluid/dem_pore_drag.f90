@@ -10,6 +10,7 @@ module dem_pore_drag
   use dem_state, only: dem_data_type
   use dem_pore_grid, only: brick_count, node_count, corners_of, sign_of
   use dem_pore_medium, only: drag_in
+  use dem_pore_tools, only: is_in, tool_drag
   implicit none
   private
   public :: set_drag
@@ -45,6 +46,12 @@ contains
       call give_back(d, c, at(:, corners_of(d%pore%grid, c)))
     end do
     !$omp end parallel do
+    if (d%pore%fit%tools%n > 0) d%pore%fit%tools%drag = 0.0_wp
+    do c = 1, size(pull, 3)
+      if (is_in(d%pore%fit%tools, c)) &
+        call tool_drag(d%pore%grid, c, returned(d, c, at(:, corners_of(d%pore%grid, c))), &
+                       d%pore%fit%tools)
+    end do
   end subroutine set_drag
 
   !> Mean at each node of the linear fields of the bricks around it that have grains, and how many
@@ -58,7 +65,8 @@ contains
     at = 0.0_wp
     many = 0.0_wp
     do c = 1, brick_count(d%pore%grid)
-      if (d%pore%fit%start(c + 1) == d%pore%fit%start(c)) cycle
+      if (d%pore%fit%start(c + 1) == d%pore%fit%start(c) .and. &
+          .not. is_in(d%pore%fit%tools, c)) cycle
       node = corners_of(d%pore%grid, c)
       do a = 1, 8
         at(:, node(a)) = at(:, node(a)) + matmul(corner_base(a), field(:, :, c))
@@ -110,21 +118,31 @@ contains
     end associate
   end subroutine drag_brick
 
-  !> The forces at the nodes go back to the grains of the bricks that made the nodes' velocities.
-  pure subroutine give_back(d, c, corner)
-    type(dem_data_type), intent(inout) :: d
+  !> Force at the nodes of a brick as a density, linear within it, for what was fitted there.
+  pure function returned(d, c, corner) result(q)
+    type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: c
     real(wp), intent(in) :: corner(3, 8)  !! forces over the number of bricks [N]
     real(wp) :: q(4, 3)
-    integer(i4) :: k, i, a, j
+    integer(i4) :: a, j
     q = 0.0_wp
     do a = 1, 8
       do j = 1, 3
         q(:, j) = q(:, j) + corner(j, a)*corner_base(a)
       end do
     end do
+    q = matmul(d%pore%fit%inverse(:, :, c), q)
+  end function returned
+
+  !> The forces at the nodes go back to the grains of the bricks that made the nodes' velocities.
+  pure subroutine give_back(d, c, corner)
+    type(dem_data_type), intent(inout) :: d
+    integer(i4), intent(in) :: c
+    real(wp), intent(in) :: corner(3, 8)  !! forces over the number of bricks [N]
+    real(wp) :: q(4, 3)
+    integer(i4) :: k, i, j
+    q = returned(d, c, corner)
     associate (fit => d%pore%fit, drag => d%pore%drag)
-      q = matmul(fit%inverse(:, :, c), q)
       do k = fit%start(c), fit%start(c + 1) - 1
         i = fit%grain(k)
         do j = 1, 3

@@ -12,8 +12,8 @@ module dem_pore_exchange
   use dem_integrate, only: motion_type, motion_of
   use dem_state, only: dem_data_type, kind_free, kind_ghost
   use dem_pore_state, only: dem_pore_type, sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, &
-    sum_darcy, sum_drag, sum_exchange, sum_seepage
-  use dem_pore_grid, only: brick_count, brick_edges, node_count, place_in
+    sum_darcy, sum_drag, sum_exchange, sum_seepage, sum_tools, sum_held_drag
+  use dem_pore_grid, only: brick_count, brick_edges, node_count, on_side, place_in
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
   use dem_pore_hold, only: hold_nodes, hold_pressures, add_sources, find_empty
   use dem_pore_drag, only: set_drag
@@ -24,9 +24,14 @@ module dem_pore_exchange
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
+  use dem_pore_tools, only: add_tool_fields, place_tools, share_tools, span_tools, sweep_tools, &
+    tool_velocity, tool_way
+  use dem_pore_tool_loads, only: load_tools, give_way, book_tools
   implicit none
   private
   public :: end_exchange, begin_exchange, follow_walls, book_liquid, see_ghosts
+
+  real(wp), parameter :: loosest = 0.05_wp  !! solid fraction by which a tool counts at least
 
 contains
 
@@ -34,14 +39,18 @@ contains
   subroutine end_exchange(d, time)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time
-    real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before
-    real(wp) :: span, power, field(4, 3, brick_count(d%pore%grid))
+    real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before, cut
+    real(wp) :: span, power, field(4, 3, brick_count(d%pore%grid)), way(6, d%pore%fit%tools%n)
 
     if (.not. d%pore%open) return
     associate (pore => d%pore)
       span = time - pore%since
+      if (.not. pore%fit%ready) call share_tools(pore%grid, pore%fit%tools)
       if (.not. pore%fit%ready) call fit_here(d)
       call fit_ways(pore%grid, pore%fit, d%grains%x, field)
+      way = tool_way(d%surfaces, pore%fit%tools)
+      call add_tool_fields(pore%grid, pore%fit, way, field)
+      cut = sweep_tools(pore%fit%tools, way, size(cut, kind=i4))
       call compress(pore%grid, field, moved)
       call hull_motion(d, .true., hull)
       call add_partner(pore, span, hull)
@@ -51,7 +60,7 @@ contains
       call add_sources(pore, source)
       call node_storage(pore, c)
       before = pore%omega
-      pore%omega = before + moved + hull - span*(flow - source)
+      pore%omega = before + moved + hull + cut - span*(flow - source)
       inflow = 0.0_wp
       where (pore%hold > 0)
         inflow = c*pore%hold_p - pore%omega
@@ -59,6 +68,8 @@ contains
       end where
       call take_yield(pore, span, inflow)
       call add_up(d, hull, inflow, span*source, span*power)
+      call book_tools(d, way)
+      pore%sums(sum_swept) = pore%sums(sum_swept) + sum(cut)
       pore%sums(sum_exchange) = pore%sums(sum_exchange) + sum(pore%p*(pore%omega - before)) &
                                 - (0.5_wp*sum(c*pore%p**2) - pore%stored)
       pore%stored = 0.5_wp*sum(c*pore%p**2)
@@ -122,8 +133,8 @@ contains
       l%darcy = s(sum_darcy)
       l%liquid_drag = s(sum_drag)
       l%liquid_exchange = s(sum_exchange)
-      l%liquid_flow = s(sum_hull) + s(sum_flow)
-      l%liquid_work = s(sum_work) - s(sum_drag)
+      l%liquid_flow = s(sum_hull) + s(sum_flow) + s(sum_tools)
+      l%liquid_work = s(sum_work) - s(sum_drag) - s(sum_held_drag)
     end associate
   end subroutine book_liquid
 
@@ -157,9 +168,26 @@ contains
         if (done) v = d%planes%point(axis, k) - merge(d%pore%grid%lower(axis), &
                                                       d%pore%grid%upper(axis), end == 1)
         call add_hull(d%pore%grid, end, axis, v, hull)
+        call leave_cuts(d, end, axis, v, hull)
       end do
     end do
   end subroutine hull_motion
+
+  !> Where a tool goes through a side the wall there sweeps nothing.
+  subroutine leave_cuts(d, end, axis, v, hull)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: end, axis
+    real(wp), intent(in) :: v            !! along the axis
+    real(wp), intent(inout) :: hull(:)
+    integer(i4) :: a, t
+    associate (tools => d%pore%fit%tools)
+      do t = 1, tools%n
+        do a = 1, size(hull)
+          if (on_side(d%pore%grid, a, end, axis)) hull(a) = hull(a) - v*tools%cut(axis, a, t)
+        end do
+      end do
+    end associate
+  end subroutine leave_cuts
 
   !> The fit where the exchange began. Masses and kinds of grains stay in a run.
   subroutine fit_here(d)
@@ -171,7 +199,9 @@ contains
         fit%inverse_mass = merge(1.0_wp/(motion%mass_scale*d%grains%mass(:d%grains%n)), 0.0_wp, &
                                  d%grains%kind(:d%grains%n) == kind_free)
       end if
+      if (fit%tools%n > 0) fit%tools%weight = max(1.0_wp - d%pore%porosity, loosest)
       call make_fit(d%pore%grid, d%pore%start_x, d%pore%volume, fit)
+      call span_tools(d%pore%grid, fit)
     end associate
   end subroutine fit_here
 
@@ -211,6 +241,8 @@ contains
 
     associate (pore => d%pore)
       call follow_walls(d)
+      call place_tools(d%surfaces, pore%fit%tools)
+      call share_tools(pore%grid, pore%fit%tools)
       call hold_pressures(pore)
       if (modulo(pore%exchanges, int(pore%refresh, i8)) == 0) call renew_pores(d, time, errors)
       call set_mobility(pore)
@@ -222,12 +254,14 @@ contains
       pore%since = time
       pore%span = span
       call fit_fields(pore%fit, d%grains%v, field)
+      call add_tool_fields(pore%grid, pore%fit, tool_velocity(d%surfaces, pore%fit%tools), field)
       call predict(d, field, cavitation, errors)
       if (errors%any()) return
       call grain_forces(pore%grid, pore%fit, pore%p, pore%held)
       if (pore%fluctuation) call set_drag(d, field)
       call see_flow(pore)
       call load_grains(d)
+      call load_tools(d)
       pore%exchanges = pore%exchanges + 1
       pore%open = .true.
     end associate
@@ -247,10 +281,12 @@ contains
       call compress(pore%grid, field, rate)
       call hull_motion(d, .false., hull)
       call add_partner(pore, 1.0_wp, hull)
-      rate = rate + hull
+      rate = rate + hull + sweep_tools(pore%fit%tools, tool_velocity(d%surfaces, pore%fit%tools), &
+                                       size(rate, kind=i4))
       call add_sources(pore, rate)
       call node_storage(pore, e%storage)
       call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
+      call give_way(d, pore%span, e%give)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
       e%rhs = pore%omega + pore%span*rate
       call add_yield(pore, pore%span, e%storage, e%rhs)

@@ -1,7 +1,7 @@
 !> A linear velocity in each brick, fitted to its grains by their volumes.
 !!
 !! [a L]' = A^-1 sum V [1 x]' v', A = sum V [1 x][1 x]': exact for every rigid motion and uniform
-!! strain. A brick with few grains, or grains that do not span it, has the mean velocity alone.
+!! strain. Closed bodies (tools) count with their volume, as dem_pore_tools. A brick with few grains, or grains that do not span it, has the mean velocity alone.
 !! eq. D.35
 module dem_pore_fit
   use talus_kinds, only: wp, i4
@@ -12,6 +12,7 @@ module dem_pore_fit
   public :: make_fit, fit_fields, fit_ways
 
   integer(i4), parameter :: fewest = 8           !! grains that make a slope
+  real(wp), parameter :: least = 0.01_wp         !! of a brick, of a body that makes one
   real(wp), parameter :: most_skewed = 1.0e4_wp  !! condition of A beyond which there is none
 
 contains
@@ -23,22 +24,42 @@ contains
     real(wp), intent(in) :: x(:, :)    !! (3, grains) [m]
     real(wp), intent(in) :: volume(:)  !! [m^3]
     type(pore_fit_type), intent(inout) :: fit
-    integer(i4) :: c
+    integer(i4) :: c, k, many
     real(wp) :: a(4, 4), b(4, 4)
 
     call size_fit(size(x, 2, kind=i4), brick_count(grid), fit)
     call sort_grains(grid, x, fit)
-    !$omp parallel do default(none) schedule(static) private(c, a, b) &
+    !$omp parallel do default(none) schedule(static) private(c, a, b, k, many) &
     !$omp   shared(grid, x, volume, fit)
     do c = 1, brick_count(grid)
       call place_grains(grid, c, x, volume, fit)
       call moments(fit, c, a, b)
-      call invert(a, fit%start(c + 1) - fit%start(c), fit%inverse(:, :, c))
+      many = fit%start(c + 1) - fit%start(c)
+      do k = first_share(fit, c), last_share(fit, c)
+        a = a + fit%tools%weight(c)*fit%tools%moment(:, :, k)
+        if (fit%tools%moment(1, 1, k) > least*product(brick_edges(grid))) many = many + fewest
+      end do
+      call invert(a, many, fit%inverse(:, :, c))
       fit%yield(:, :, c) = matmul(fit%inverse(:, :, c), matmul(b, fit%inverse(:, :, c)))
     end do
     !$omp end parallel do
     fit%ready = .true.
   end subroutine make_fit
+
+  !> First and last share of closed bodies in a brick.
+  pure integer(i4) function first_share(fit, c)
+    type(pore_fit_type), intent(in) :: fit
+    integer(i4), intent(in) :: c
+    first_share = 1
+    if (fit%tools%n > 0) first_share = fit%tools%start(c)
+  end function first_share
+
+  pure integer(i4) function last_share(fit, c)
+    type(pore_fit_type), intent(in) :: fit
+    integer(i4), intent(in) :: c
+    last_share = 0
+    if (fit%tools%n > 0) last_share = fit%tools%start(c + 1) - 1
+  end function last_share
 
   !> Room for so many grains and bricks.
   subroutine size_fit(grains, bricks, fit)

@@ -4,6 +4,7 @@ module dem_pore_hold
   use talus_kinds, only: wp, i4
   use dem_pore_state, only: dem_pore_type, drain_pressure, drain_flux, by_partner
   use dem_pore_grid, only: brick_count, node_count, corners_of, place_in, on_side, side_share
+  use dem_pore_tools, only: is_in
   implicit none
   private
   public :: hold_nodes, hold_pressures, add_sources, find_empty
@@ -114,7 +115,7 @@ contains
   integer(i4) function find_empty(pore) result(brick)
     type(dem_pore_type), intent(in) :: pore
     do brick = 1, brick_count(pore%grid)
-      if (pore%fit%start(brick + 1) > pore%fit%start(brick)) cycle
+      if (pore%fit%start(brick + 1) > pore%fit%start(brick) .or. is_in(pore%fit%tools, brick)) cycle
       if (any(pore%hold(corners_of(pore%grid, brick)) == 0)) return
     end do
     brick = 0

@@ -7,11 +7,16 @@ module dem_pore_medium
   use dem_pore_state, only: pore_grid_type, dem_pore_type
   use dem_pore_grid, only: brick_count, brick_edges, corners_of
   use dem_pore_laws, only: drag_of, law_constant
+  use dem_pore_tools, only: tool_share
   implicit none
   private
   public :: count_pores, set_mobility, see_flow, darcy_velocity, ellipsoid_area, drag_in
 
   real(wp), parameter :: clear = 0.01_wp  !! solid fraction that a brick has at least, for the law
+  real(wp), parameter :: sliver = 0.02_wp !! part of a brick beside a tool in which grains are not
+                                          !! counted
+  real(wp), parameter :: dense = 0.3_wp   !! porosity where no brick is without a tool
+  real(wp), parameter :: closed = 1.0e-6_wp  !! of the mobility that a brick within a tool keeps
 
 contains
 
@@ -27,7 +32,7 @@ contains
       call share_grain(pore%grid, x(:, i) - reach(:, i), x(:, i) + reach(:, i), &
                        [pore%volume(i), pore%area(i)], is_whole(i), solid, surface)
     end do
-    pore%porosity = 1.0_wp - solid/product(brick_edges(pore%grid))
+    call find_porosity(pore, solid/product(brick_edges(pore%grid)))
     pore%sauter = 6.0_wp*solid/max(surface, tiny(1.0_wp))
 
   contains
@@ -39,6 +44,27 @@ contains
       if (allocated(pore%fit%counts)) is_whole = pore%fit%counts(i)
     end function is_whole
   end subroutine count_pores
+
+  !> Porosity of what tools leave of a brick. Grains beside a tool are counted by their boxes, which
+  !! reach into it: there pores are not below those of the densest brick without one.
+  subroutine find_porosity(pore, solid)
+    type(dem_pore_type), intent(inout) :: pore
+    real(wp), intent(in) :: solid(:)  !! (bricks) volume of grains over that of the brick [-]
+    real(wp) :: tightest
+    integer(i4) :: c
+    pore%porosity = 1.0_wp - solid
+    do c = 1, size(solid)
+      pore%room(c) = max(0.0_wp, 1.0_wp - tool_share(pore%grid, pore%fit%tools, c))
+    end do
+    if (all(pore%room >= 1.0_wp)) return
+    tightest = dense
+    if (any(pore%room >= 1.0_wp)) tightest = minval(pore%porosity, mask=pore%room >= 1.0_wp)
+    do c = 1, size(solid)
+      if (pore%room(c) >= 1.0_wp) cycle
+      pore%porosity(c) = tightest
+      if (pore%room(c) > sliver) pore%porosity(c) = max(tightest, 1.0_wp - solid(c)/pore%room(c))
+    end do
+  end subroutine find_porosity
 
   !> One grain's volume and surface into the bricks that its box meets; what is outside the grid
   !! counts for those inside, if it is to count as a whole.
@@ -87,6 +113,7 @@ contains
         n = min(pore%porosity(c), 1.0_wp - clear)
         pore%mobility(c) = pore%liquid%factor*n**2/drag_in(pore, c)
       end if
+      pore%mobility(c) = max(pore%room(c), closed)*pore%mobility(c)
     end do
   end subroutine set_mobility
 

@@ -15,6 +15,8 @@ module dem_pore_partner
   public :: axis_of, end_of, side_of_nodes, take_side, begin_interval, add_partner, book_partner
   public :: move_partner, node_storage, over_side, side_force, yield_to, add_yield, take_yield
 
+  real(wp), parameter :: closed = 1.0e-3_wp  !! of the pores that a brick within a tool keeps
+
 contains
 
   !> The side whose nodes these are, all of them and in rising order; 0: there is none.
@@ -212,7 +214,7 @@ contains
   subroutine node_storage(pore, c)
     type(dem_pore_type), intent(in) :: pore
     real(wp), intent(out) :: c(:)  !! (nodes) [m^3/Pa]
-    call storage(pore%grid, pore%porosity, pore%liquid%compliance, c)
+    call storage(pore%grid, pore%porosity*max(pore%room, closed), pore%liquid%compliance, c)
     if (pore%partner%held) c(pore%partner%node) = 0.0_wp
   end subroutine node_storage
 end module dem_pore_partner

@@ -49,7 +49,7 @@ contains
     side = findloc(reshape(pore%wall, [6]), wall, 1)
     if (side == 0 .or. .not. pore%liquid%compliance > 0.0_wp) return
     axis = (side + 1)/2
-    stiffness = area*size(pore%porosity)/(pore%liquid%compliance*sum(pore%porosity) &
+    stiffness = area*size(pore%porosity)/(pore%liquid%compliance*sum(pore%porosity*pore%room) &
                                           *(pore%grid%upper(axis) - pore%grid%lower(axis)))
   end function wall_stiffness
 end module dem_pore_side

@@ -10,11 +10,13 @@ module dem_pore_solve
   real(wp), parameter :: close = 1.0e-10_wp  !! residual over the right-hand side
   integer(i4), parameter :: most = 2000      !! turns
 
-  !> (C + matrices) p = rhs.
+  !> (C + matrices + give give') p = rhs.
   type :: pore_equations_type
     real(wp), allocatable :: storage(:)       !! (nodes) diagonal C [m^3/Pa]
     real(wp), allocatable :: matrix(:, :, :)  !! (8, 8, bricks) [m^3/Pa]
     real(wp), allocatable :: rhs(:)           !! (nodes) [m^3]
+    real(wp), allocatable :: give(:, :)       !! (nodes, n) its columns' outer products add to the
+                                              !! matrix: free bodies give way
   end type pore_equations_type
 
 contains
@@ -26,56 +28,49 @@ contains
     real(wp), intent(in) :: free(:)    !! (nodes) 1, or 0 where p is held
     real(wp), intent(inout) :: p(:)    !! (nodes) first guess in, pressures out [Pa]
     integer(i4), intent(out) :: turns  !! -1: it does not converge
-    associate (e => equations)
-      call iterate(grid, e%storage, e%matrix, free, e%rhs, p, turns)
-    end associate
-  end subroutine solve_pressure
-
-  subroutine iterate(grid, storage, matrix, free, rhs, p, turns)
-    type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: storage(:), matrix(:, :, :), free(:), rhs(:)
-    real(wp), intent(inout) :: p(:)
-    integer(i4), intent(out) :: turns
-    real(wp), dimension(size(rhs)) :: diagonal, r, z, s, q
+    real(wp), dimension(size(p)) :: diagonal, r, z, s, q
     real(wp) :: rho, before, scale, step
     integer(i4), allocatable :: brick(:), corner(:, :)
 
-    call list_bricks(grid, free, brick, corner)
-    call diagonal_of(grid, storage, matrix, diagonal)
-    call multiply(storage, matrix, brick, corner, (1.0_wp - free)*p, q)
-    scale = sum(free*(rhs - q)**2/diagonal)
-    if (.not. scale > 0.0_wp) then
-      p = (1.0_wp - free)*p
-      turns = merge(0, -1, abs(scale) <= 0.0_wp)
-      return
-    end if
-    call multiply(storage, matrix, brick, corner, p, q)
-    r = free*(rhs - q)
-    s = 0.0_wp
-    before = 1.0_wp
-    do turns = 0, most
-      z = r/diagonal
-      rho = sum(r*z)
-      if (rho <= close**2*scale) return
-      s = z + merge(rho/before, 0.0_wp, turns > 0)*s
-      call multiply(storage, matrix, brick, corner, s, q)
-      q = free*q
-      step = rho/sum(s*q)
-      p = p + step*s
-      r = r - step*q
-      before = rho
-    end do
-    turns = -1
-  end subroutine iterate
+    associate (e => equations, rhs => equations%rhs)
+      call list_bricks(grid, free, brick, corner)
+      call diagonal_of(grid, e, diagonal)
+      call multiply(e, brick, corner, (1.0_wp - free)*p, q)
+      scale = sum(free*(rhs - q)**2/diagonal)
+      if (.not. scale > 0.0_wp) then
+        p = (1.0_wp - free)*p
+        turns = merge(0, -1, abs(scale) <= 0.0_wp)
+        return
+      end if
+      call multiply(e, brick, corner, p, q)
+      r = free*(rhs - q)
+      s = 0.0_wp
+      before = 1.0_wp
+      do turns = 0, most
+        z = r/diagonal
+        rho = sum(r*z)
+        if (rho <= close**2*scale) return
+        s = z + merge(rho/before, 0.0_wp, turns > 0)*s
+        call multiply(e, brick, corner, s, q)
+        q = free*q
+        step = rho/sum(s*q)
+        p = p + step*s
+        r = r - step*q
+        before = rho
+      end do
+      turns = -1
+    end associate
+  end subroutine solve_pressure
 
-  !> (C + matrices) p at all nodes.
-  subroutine apply(grid, storage, matrix, p, product)
+  !> The left side at all nodes.
+  subroutine apply(grid, equations, p, product)
     type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: storage(:), matrix(:, :, :), p(:)
+    type(pore_equations_type), intent(in) :: equations
+    real(wp), intent(in) :: p(:)
     real(wp), intent(out) :: product(:)
     integer(i4), allocatable :: brick(:), corner(:, :)
     call list_bricks(grid, 0.0_wp*p + 1.0_wp, brick, corner)
-    call multiply(storage, matrix, brick, corner, p, product)
+    call multiply(equations, brick, corner, p, product)
   end subroutine apply
 
   !> Bricks with a corner that is free, and their corners; others add to nothing that is asked for.
@@ -97,7 +92,21 @@ contains
   end subroutine list_bricks
 
   !> The same with these bricks.
-  pure subroutine multiply(storage, matrix, brick, corner, p, product)
+  pure subroutine multiply(equations, brick, corner, p, product)
+    type(pore_equations_type), intent(in) :: equations
+    real(wp), intent(in) :: p(:)
+    integer(i4), contiguous, intent(in) :: brick(:), corner(:, :)
+    real(wp), intent(out) :: product(:)
+    integer(i4) :: k
+    call multiply_bricks(equations%storage, equations%matrix, brick, corner, p, product)
+    if (.not. allocated(equations%give)) return
+    do k = 1, size(equations%give, 2)
+      product = product + dot_product(equations%give(:, k), p)*equations%give(:, k)
+    end do
+  end subroutine multiply
+
+  !> The part of storage and bricks.
+  pure subroutine multiply_bricks(storage, matrix, brick, corner, p, product)
     real(wp), intent(in) :: storage(:), p(:)
     real(wp), contiguous, intent(in) :: matrix(:, :, :)
     integer(i4), contiguous, intent(in) :: brick(:), corner(:, :)
@@ -115,20 +124,21 @@ contains
         product(corner(a, k)) = product(corner(a, k)) + to(a)
       end do
     end do
-  end subroutine multiply
+  end subroutine multiply_bricks
 
-  subroutine diagonal_of(grid, storage, matrix, diagonal)
+  subroutine diagonal_of(grid, equations, diagonal)
     type(pore_grid_type), intent(in) :: grid
-    real(wp), intent(in) :: storage(:), matrix(:, :, :)
+    type(pore_equations_type), intent(in) :: equations
     real(wp), intent(out) :: diagonal(:)
     integer(i4) :: c, a, node(8)
-    diagonal = storage
+    diagonal = equations%storage
     do c = 1, brick_count(grid)
       node = corners_of(grid, c)
       do a = 1, 8
-        diagonal(node(a)) = diagonal(node(a)) + matrix(a, a, c)
+        diagonal(node(a)) = diagonal(node(a)) + equations%matrix(a, a, c)
       end do
     end do
+    if (allocated(equations%give)) diagonal = diagonal + sum(equations%give**2, 2)
     where (.not. diagonal > 0.0_wp) diagonal = tiny(1.0_wp)**0.5_wp
   end subroutine diagonal_of
 end module dem_pore_solve

@@ -44,6 +44,7 @@ contains
     bricks = brick_count(pore%grid)
     allocate (pore%p(nodes), pore%omega(nodes), pore%hold_p(nodes), source=0.0_wp)
     allocate (pore%hold(nodes), source=0)
+    allocate (pore%room(bricks), source=1.0_wp)
     allocate (pore%porosity(bricks), pore%sauter(bricks), pore%speed(bricks), &
               pore%mobility(bricks), source=0.0_wp)
     allocate (pore%start_x(3, grains), pore%held(3, grains), pore%drag(3, grains), source=0.0_wp)

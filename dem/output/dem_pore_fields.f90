@@ -13,6 +13,7 @@ module dem_pore_fields
   use dem_pore_grid, only: brick_count, node_count, brick_edges
   use dem_pore_medium, only: darcy_velocity
   use dem_pore_state, only: pore_fit_type
+  use dem_pore_tools, only: add_tool_fields, place_tools, share_tools, tool_velocity
   use dem_state, only: dem_data_type
   implicit none
   private
@@ -66,6 +67,7 @@ contains
     call self%xdmf%attribute('excess_pressure', 'excess_pressure', xdmf_node, 1)
     call self%xdmf%attribute('pressure', 'pressure', xdmf_node, 1)
     call self%xdmf%attribute('porosity', 'porosity', xdmf_cell, 1)
+    call self%xdmf%attribute('room', 'room', xdmf_cell, 1)
     call self%xdmf%attribute('mobility', 'mobility', xdmf_cell, 1)
     call self%xdmf%attribute('darcy', 'darcy', xdmf_cell, 3)
     call self%xdmf%attribute('velocity', 'velocity', xdmf_cell, 3)
@@ -89,11 +91,15 @@ contains
 
     if (.not. self%opened .or. .not. time > self%last_time) return
     associate (pore => d%pore)
+      fit%tools = pore%fit%tools
+      call place_tools(d%surfaces, fit%tools)
+      call share_tools(pore%grid, fit%tools)
       call make_fit(pore%grid, d%grains%x, pore%volume, fit)
       h = brick_edges(pore%grid)
       allocate (v(3, brick_count(pore%grid)), w(3, brick_count(pore%grid)))
       allocate (divergence(brick_count(pore%grid)), field(4, 3, brick_count(pore%grid)))
       call fit_fields(fit, d%grains%v, field)
+      call add_tool_fields(pore%grid, fit, tool_velocity(d%surfaces, fit%tools), field)
       do c = 1, size(divergence)
         v(:, c) = field(1, :, c)
         divergence(c) = sum([(field(1 + j, j, c)/h(j), j=1, 3)])
@@ -105,6 +111,7 @@ contains
                     pore%p + hydrostatic(pore%grid, pore%liquid%density* &
                                          d%par%gravity_scale*d%par%gravity), errors)
       call file%put(group//'/porosity', pore%porosity, errors)
+      call file%put(group//'/room', pore%room, errors)
       call file%put(group//'/mobility', pore%mobility, errors)
       call file%put(group//'/darcy', w, errors)
       call file%put(group//'/velocity', v, errors)

@@ -5,18 +5,20 @@ module dem_pore_state
   implicit none
   private
   public :: pore_grid_type, pore_liquid_type, pore_fit_type, pore_partner_type, dem_pore_type
+  public :: pore_tools_type
   public :: drain_none, drain_pressure, drain_flux, by_partner
   public :: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, sum_drag, &
-    sum_exchange, sum_seepage, sum_partner, pore_sums
+    sum_exchange, sum_seepage, sum_partner, sum_tools, sum_held_drag, pore_sums
 
   integer(i4), parameter :: drain_none = 0, drain_pressure = 1, drain_flux = 2
   !> Rows of sums: volumes [m^3] that moving walls have swept and that came in through drains; work
   !! of walls and drains on the liquid, of the liquid on the grains; losses to Darcy's flow and to
   !! drag within bricks, and what the exchange itself takes [J]; volume out by Darcy's flow, a side,
-  !! and where a partner holds the pressures; volume in from there.
+  !! and where a partner holds the pressures; volume in from there. Work of bodies on the liquid
+  !! where they do not move by forces, and of the drag on these [J].
   integer(i4), parameter :: sum_swept = 1, sum_inflow = 2, sum_hull = 3, sum_flow = 4, &
     sum_work = 5, sum_darcy = 6, sum_drag = 7, sum_exchange = 8, sum_seepage = 8, &
-    sum_partner = 16, pore_sums = 16
+    sum_partner = 16, sum_tools = 17, sum_held_drag = 18, pore_sums = 18
   integer(i4), parameter :: by_partner = 7  !! of `hold`, behind the sides
 
   !> A box of equal bricks; nodes and bricks are counted along x first, then y, then z. Sides are
@@ -37,6 +39,30 @@ module dem_pore_state
     real(wp) :: factor = 1.0_wp        !! on the permeability of any law [-]
   end type pore_liquid_type
 
+  !> Closed bodies in the grid, here: tools. Their motions and loads are those of the centre, then
+  !! turns and moments about it. What lies in a brick is its share of a tool.
+  type :: pore_tools_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: body(:)        !! (tools) surface
+    integer(i4), allocatable :: first(:)       !! (tools+1) triangles
+    real(wp), allocatable :: rest(:, :, :)     !! (3, 3, triangles) from the centre at the start [m]
+    real(wp), allocatable :: volume(:)         !! (tools) [m^3]
+    real(wp), allocatable :: middle(:, :)      !! (3, tools) of the volume, as rest [m]
+    real(wp), allocatable :: centre(:, :)      !! (3, tools) where the exchange began [m]
+    real(wp), allocatable :: quat(:, :)        !! (4, tools) turn since the start there [-]
+    real(wp), allocatable :: load(:, :)        !! (6, tools) -D'p [N], [N m]
+    real(wp), allocatable :: drag(:, :)        !! (6, tools) of grains in its bricks [N], [N m]
+    real(wp), allocatable :: lift(:, :)        !! (6, tools) of the hydrostatic pressure [N], [N m]
+    real(wp), allocatable :: work(:)           !! (tools) of load and drag on it [J]
+    integer(i4), allocatable :: start(:)       !! (bricks+1) first of a brick's shares
+    integer(i4), allocatable :: tool(:)        !! (shares)
+    real(wp), allocatable :: moment(:, :, :)   !! (4, 4, shares) integral of [1 x][1 x]' [m^3]
+    real(wp), allocatable :: weight(:)         !! (bricks) of their volume in the fit, that of the
+                                               !! grains in the volume which these leave [-]
+    real(wp), allocatable :: cut(:, :, :)      !! (6, nodes, tools) what a motion sweeps at sides
+    real(wp), allocatable :: gives(:, :, :)    !! (6, nodes, tools) what it compresses in all
+  end type pore_tools_type
+
   !> Grains by brick and the fit of a linear velocity to them; lengths within a brick are in its
   !! edges, from its centre.
   type :: pore_fit_type
@@ -50,6 +76,7 @@ module dem_pore_state
     real(wp), allocatable :: inverse_mass(:)    !! (grains) 0 where the motion is prescribed [1/kg]
     real(wp), allocatable :: inverse(:, :, :)   !! (4, 4, bricks) A^-1 [1/m^3]
     real(wp), allocatable :: yield(:, :, :)     !! (4, 4, bricks) A^-1 B A^-1 [1/kg]
+    type(pore_tools_type) :: tools
   end type pore_fit_type
 
   !> A side of the grid that is a partner's: it moves as the partner says, and is impervious, or has
@@ -94,7 +121,8 @@ module dem_pore_state
     real(wp), allocatable :: start_x(:, :)       !! (3, grains) when it began [m]
     real(wp), allocatable :: held(:, :)          !! (3, grains) force -D'p [N]
     real(wp), allocatable :: drag(:, :)          !! (3, grains) force within bricks [N]
-    real(wp), allocatable :: porosity(:)         !! (bricks) [-]
+    real(wp), allocatable :: room(:)             !! (bricks) share that no tool is in [-]
+    real(wp), allocatable :: porosity(:)         !! (bricks) of that [-]
     real(wp), allocatable :: first_porosity(:)   !! (bricks) at the start [-]
     real(wp), allocatable :: sauter(:)           !! (bricks) diameter of Sauter [m]
     real(wp), allocatable :: speed(:)            !! (bricks) |w|, as the law sees it [m/s]

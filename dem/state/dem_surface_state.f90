@@ -102,6 +102,8 @@ module dem_surface_state
     real(wp), allocatable :: mass(:)        !! (n) of free bodies, else 0 [kg]
     real(wp), allocatable :: inertia(:, :)  !! (3, n) about x, y, z at the start [kg m^2]
     real(wp), allocatable :: given(:, :)    !! (6, n) load: force, moment [N], [N m]
+    real(wp), allocatable :: liquid(:, :)   !! (6, n) of a liquid among the grains, none without
+                                            !! [N], [N m]
     real(wp), allocatable :: acting(:, :)   !! (6, n) on ranks: what the grains of all of them do to
                                             !! free bodies [N], [N m]
   end type dem_rigid_type

@@ -10,7 +10,7 @@ module dem_surface_body
   use dem_surface_state, only: dem_surfaces_type
   implicit none
   private
-  public :: no_free_bodies, set_load, set_loads, push_bodies, turn_free, turns_freely
+  public :: no_free_bodies, set_load, set_loads, set_liquid, push_bodies, turn_free, turns_freely
   public :: body_energy, held_power, load_left, is_free
 
 contains
@@ -37,6 +37,22 @@ contains
     s%rigid%given = load
   end subroutine set_loads
 
+  !> Loads of a liquid on all bodies (6, bodies), held from now on.
+  pure subroutine set_liquid(s, load)
+    type(dem_surfaces_type), intent(inout) :: s
+    real(wp), intent(in) :: load(:, :)
+    s%rigid%liquid = load
+  end subroutine set_liquid
+
+  !> What acts on body b besides contacts and its weight [N], [N m].
+  pure function outer_load(s, b) result(load)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: load(6)
+    load = s%rigid%given(:, b)
+    if (allocated(s%rigid%liquid)) load = load + s%rigid%liquid(:, b)
+  end function outer_load
+
   !> Does body b move freely in any direction?
   pure logical function is_free(s, b)
     type(dem_surfaces_type), intent(in) :: s
@@ -53,14 +69,14 @@ contains
     if (allocated(s%rigid%free)) turns_freely = all(s%rigid%free(4:, b) > 0.5_wp)
   end function turns_freely
 
-  !> What acts on body b in its free directions: contacts, the given load and its weight [N], [N m].
+  !> What acts on body b in its free directions: contacts, given load, liquid and its weight [N], [N m].
   pure function load_left(s, b, gravity) result(load)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     real(wp), intent(in) :: gravity(3)  !! [m/s^2]
     real(wp) :: load(6)
     integer(i4) :: p
-    load = s%rigid%given(:, b)
+    load = outer_load(s, b)
     load(1:3) = load(1:3) + s%rigid%mass(b)*gravity
     if (allocated(s%rigid%acting)) load = load + s%rigid%acting(:, b)
     do p = s%first_part(b), merge(0_i4, s%first_part(b + 1) - 1, allocated(s%rigid%acting))
@@ -97,7 +113,7 @@ contains
       between = merge([s%velocity(:, b), s%spin(:, b)], old, explicit)
       work(1) = work(1) + half*s%rigid%mass(b)*dot_product(s%rigid%free(:3, b)*step%gravity, &
         between(1:3))
-      work(2) = work(2) + half*dot_product(s%rigid%free(:, b)*s%rigid%given(:, b), between)
+      work(2) = work(2) + half*dot_product(s%rigid%free(:, b)*outer_load(s, b), between)
     end do
   end subroutine push_bodies
 

@@ -30,6 +30,11 @@ def write_stl(path: Path, x: np.ndarray) -> None:
     """Write a net of points x (m, n, 3) as triangles."""
     a, b, c, d = x[:-1, :-1], x[1:, :-1], x[1:, 1:], x[:-1, 1:]
     triangles = np.stack([np.stack([a, b, c], -2), np.stack([a, c, d], -2)], 2).reshape(-1, 3, 3)
+    write_triangles(path, triangles)
+
+
+def write_triangles(path: Path, triangles: np.ndarray) -> None:
+    """Write triangles (n, 3, 3), corners from outside against the clock."""
     lines = ["solid floor"]
     for corners in triangles:
         lines += ["facet normal 0 0 0", "outer loop"]

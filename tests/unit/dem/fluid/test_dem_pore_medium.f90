@@ -124,7 +124,7 @@ contains
     free = 1.0_wp
     p = 0.0_wp
     call solve_bounded(pore%grid, e, free, low, p, turns)
-    call apply(pore%grid, e%storage, e%matrix, p, left)
+    call apply(pore%grid, e, p, left)
     left = left - e%rhs
     call test%check('found', turns > 0)
     call test%check('two cavities', count(is_cavity(p, low)) == 2)

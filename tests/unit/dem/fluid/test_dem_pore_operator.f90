@@ -234,7 +234,8 @@ contains
 
   !> T L + T^2 D M^-1 D' by bricks is what the operators give, symmetric, and not negative.
   subroutine check_matrices()
-    real(wp) :: matrix(8, 8, brick_count(grid)), mobility(brick_count(grid)), zero(node_count(grid))
+    real(wp) :: mobility(brick_count(grid))
+    type(pore_equations_type) :: e
     real(wp), dimension(node_count(grid)) :: p, q, flow, give, product, other
     real(wp) :: force(3, n), power
     real(wp), parameter :: span = 3.0e-6_wp
@@ -242,9 +243,10 @@ contains
     mobility = [(1.0e-9_wp*(1.0_wp + some(i, 1)), i=1, size(mobility))]
     p = [(some(i, 3) - 0.3_wp, i=1, size(p))]
     q = [(some(i, 2) - 0.6_wp, i=1, size(p))]
-    call brick_matrices(grid, fit, mobility, span, matrix)
-    zero = 0.0_wp
-    call apply(grid, zero, matrix, p, product)
+    allocate (e%matrix(8, 8, brick_count(grid)), e%storage(node_count(grid)))
+    call brick_matrices(grid, fit, mobility, span, e%matrix)
+    e%storage = 0.0_wp
+    call apply(grid, e, p, product)
     flow = 0.0_wp
     call add_flow(grid, mobility, p, flow, power)
     call test%check_close('what flow dissipates', power, sum(p*flow), 1.0e-12_wp*power)
@@ -256,11 +258,11 @@ contains
     give = span*flow + span**2*give
     call test%check_all_close('matrices of bricks', product/max_abs(give), give/max_abs(give), &
                               1.0e-12_wp)
-    call apply(grid, zero, matrix, q, other)
+    call apply(grid, e, q, other)
     call test%check_close('symmetric', sum(q*product)/sum(p*other), 1.0_wp, 1.0e-12_wp)
     call test%check('positive', sum(p*product) > 0.0_wp .and. sum(q*other) > 0.0_wp)
     p = 1.0_wp
-    call apply(grid, zero, matrix, p, product)
+    call apply(grid, e, p, product)
     call test%check_all_close('one pressure moves nothing', product/max_abs(give), 0.0_wp, &
                               1.0e-12_wp)
   end subroutine check_matrices
@@ -281,7 +283,7 @@ contains
     p(:12) = 50.0_wp
     e%rhs = [(1.0e-13_wp*(some(i, 3) - 0.3_wp), i=1, size(p))]
     call solve_pressure(grid, e, free, p, turns)
-    call apply(grid, e%storage, e%matrix, p, found)
+    call apply(grid, e, p, found)
     call test%check('it converges', turns > 0 .and. turns < 200)
     call test%check_all_close('equations', free*found/max_abs(e%rhs), free*e%rhs/max_abs(e%rhs), &
                               1.0e-8_wp)

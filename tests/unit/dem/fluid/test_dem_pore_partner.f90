@@ -44,6 +44,7 @@ contains
     allocate (pore%p(node_count(pore%grid)), pore%hold_p(node_count(pore%grid)), source=0.0_wp)
     allocate (pore%hold(node_count(pore%grid)), source=0_i4)
     allocate (pore%porosity(brick_count(pore%grid)), source=0.4_wp)
+    allocate (pore%room(brick_count(pore%grid)), source=1.0_wp)
     pore%liquid%compliance = 5.0e-10_wp
   end subroutine make_cloud
 
