@@ -1067,8 +1067,11 @@ contains
       //'one. Grains feel its gradient and their buoyancy, and carry the liquid that ' &
       //'moves with them. Histories in `<deck>_pore.csv`, fields in `<deck>_pore.h5`; ' &
       //'what the liquid does to the grains is `external` in the ledger. On one rank; ' &
-      //'under talus-couple at `&facets` with `&pore_interface`, not at an overlap; not ' &
-      //'with cells, surfaces, sources, sinks, windows, &breakage and &probe (D366).')
+      //'under talus-couple at `&facets` with `&pore_interface`, not at an overlap. ' &
+      //'Closed surfaces, penetrometers, cylinders with a length and free bodies in the ' &
+      //'box keep the liquid out and bear its pressure (`<deck>_tools.csv`); not with ' &
+      //'open surfaces, membranes, cells, sources, sinks, windows, &breakage and &probe ' &
+      //'(D366).')
     call table%add_key('fluid', 'string', '', 'Id of a `&fluid`.')
     call table%need()
     call table%add_key('lower', 'real', 'm', &

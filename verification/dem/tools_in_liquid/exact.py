@@ -3,10 +3,11 @@
 from pathlib import Path
 
 import numpy as np
+from same_bits import judge
 from triangle_nets import write_triangles
 
 from talus.packing import FIXED, make_packing, write_h5
-from talus.verification import Case, history_difference, read_history
+from talus.verification import Case, read_history
 
 D = 1.0e-3
 BOX, RADIUS = 0.03, 7.5e-3
@@ -165,7 +166,10 @@ def drift(case: Case, text: str, exact: float) -> None:
                   label=f"ball, R = {bricks / 4} bricks")  # fmt: skip
         energy = read_history(case.folder / "drift_energy.csv")["relative_closure"]
         case.below(f"ball free, {bricks} bricks: closure of the ledger", float(energy.max()), 1e-4)
-    print(found, exact)
+    rate = np.log((found[1] - exact) / (found[2] - exact)) / np.log(1.5)
+    case.metric("ball free: order in the size of bricks", float(rate), 1.0, 0.3)
+    limit = found[2] - (found[1] - found[2]) / (1.5 - 1.0)
+    case.below("ball free: velocity for small bricks / exact, error", abs(limit / exact - 1.0), 0.05)
     axes.plot([0.0, 200.0], [exact] * 2, color="black", label="exact")
     axes.set(xlabel="time [us]", ylabel="velocity / (kappa grad p) [-]")
     axes.legend(fontsize=8)
@@ -190,3 +194,22 @@ def push(case: Case) -> None:
     case.below("push: force on the block / (p A), error", float(off), 0.01)
     closure = read_history(case.folder / "push_energy.csv")["relative_closure"].max()
     case.below("push: closure of the ledger", float(closure), 1e-4)
+    bits(case, x[~inside])
+
+
+def bits(case: Case, x: np.ndarray) -> None:
+    """Let a rod go below the block: the ledger, a restart within an exchange, two threads."""
+    from_axis = np.hypot(x[:, 0] - 0.006, x[:, 2] - 0.005)
+    write_bed(case.folder / "rod.h5", x[(from_axis > 2.55e-3) | (np.abs(x[:, 1] - 0.006) > 3.55e-3)], False)
+    text = (case.folder / "push.nml").read_text().replace("loose.h5", "rod.h5")
+    text = text.replace("t_end = 1.0e-3", "t_end = 1.0e-3, gravity = 0.0, 0.0, -9.81")
+    rod = "&cylinder id = 'rod', centre = 0.006, 0.006, 0.005, axis = 0.0, 1.0, 0.0, radius = 0.002, "
+    rod += "length = 0.006, side = 'outside', material = 'grain', spin = 0.0, 40.0, 0.0 /\n"
+    body = "&body surface = 'rod', free = 'x', 'y', 'z', 'rx', 'ry', 'rz', density = 3000.0 /\n"
+    (case.folder / "bits.nml").write_text(text + rod + body)
+    case.run("talus-dem", "bits.nml", "--threads=1")
+    rows = read_history(case.folder / "bits_pore.csv")
+    case.below("rod below the block: liquid from nowhere / pores", float(rows["balance"].max()), 1e-12)
+    closure = read_history(case.folder / "bits_energy.csv")["relative_closure"].max()
+    case.below("rod below the block: closure of the ledger", float(closure), 1e-4)
+    judge(case, "bits", "rod below the block, ")
