@@ -8,12 +8,13 @@ module cpl_ghost_mass
   use talus_port_names, only: field_a, field_id, field_mass, field_set, field_u, field_v, &
     field_value, field_what, role_load, what_grains, what_mass_factor
   use cpl_interface, only: interface_type, node_set
+  use cpl_order, only: sort_order
   use cpl_pore, only: row_of, to_facets
   use cpl_run, only: cpl_run_type
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
-  public :: carry_ghosts
+  public :: carry_ghosts, values_of
 
 contains
 
@@ -54,15 +55,33 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: all_id(:)
     real(wp), allocatable :: all_mass(:)
-    integer(i4) :: k
     mass = 0.0_wp
     call grains%describe(what_grains, '', run%timers, errors)
     if (errors%any()) return
     call grains%reply%take_int(field_id, all_id, errors)
     call grains%reply%take(field_mass, all_mass, errors)
     if (errors%any()) return
-    do k = 1, size(id)
-      mass(k) = sum(pack(all_mass, all_id == id(k)))
-    end do
+    if (.not. errors%any()) mass = values_of(id, all_id, all_mass)
   end subroutine masses_of
+
+  !> Values of these ids in a list of others, 0 of those that are not in it. Both are gone through in
+  !! rising order at once.
+  function values_of(id, all_id, all_value) result(value)
+    integer(i8), intent(in) :: id(:), all_id(:)
+    real(wp), intent(in) :: all_value(:)
+    real(wp) :: value(size(id))
+    integer(i4) :: own(size(id)), order(size(all_id)), k, j
+    value = 0.0_wp
+    call sort_order(real(id, wp), own)
+    call sort_order(real(all_id, wp), order)
+    j = 1
+    do k = 1, size(id)
+      do while (j < size(all_id))
+        if (all_id(order(j)) >= id(own(k))) exit
+        j = j + 1
+      end do
+      if (size(all_id) == 0) return
+      if (all_id(order(j)) == id(own(k))) value(own(k)) = all_value(order(j))
+    end do
+  end function values_of
 end module cpl_ghost_mass

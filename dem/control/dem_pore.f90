@@ -7,7 +7,7 @@ module dem_pore
   use talus_curve, only: curve_type
   use talus_deck, only: deck_type
   use talus_history, only: history_type
-  use talus_log, only: short_number
+  use talus_log, only: log_type, short_number
   use dem_state, only: dem_data_type
   use dem_pore_cavity, only: hydrostatic, is_cavity
   use dem_pore_deck, only: read_liquid, read_grid, read_drains, check_run, check_start
@@ -15,6 +15,8 @@ module dem_pore
     sum_drag, sum_exchange, sum_seepage, sum_tools
   use dem_pore_exchange, only: begin_exchange, end_exchange
   use dem_pore_grid, only: brick_edges
+  use dem_pore_laws, only: law_constant, law_kozeny_carman
+  use dem_pore_medium, only: porosity_change
   use dem_pore_side, only: side_mean
   use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
@@ -24,6 +26,8 @@ module dem_pore
   public :: dem_pore_control_type, mass_error
 
   real(wp), parameter :: longest_exchange = 1.2_wp  !! over the stable step
+  real(wp), parameter :: most_reynolds = 10.0_wp  !! of Darcy's law
+  real(wp), parameter :: most_change = 0.2_wp     !! of a porosity
   real(wp), parameter :: loose = 1.5_wp  !! of that in a run, as the bound is on the safe side
   character(len=24), parameter :: columns(31) = [character(len=24) :: 'time [s]', &
     'least_pressure [Pa]', 'most_pressure [Pa]', 'pressure_x0 [Pa]', 'pressure_x1 [Pa]', &
@@ -51,6 +55,7 @@ module dem_pore
     procedure :: exchange
     procedure :: text => pore_text
     procedure :: audit => audit_text
+    procedure :: warn
     procedure :: open => open_history
     procedure :: write => write_row
     procedure :: flush => flush_histories
@@ -199,6 +204,24 @@ contains
     end associate
   end function audit_text
 
+  !> Flow too fast for a law of slow flow (W437), pores far from those at the start (W439).
+  subroutine warn(self, d, log)
+    class(dem_pore_control_type), intent(in) :: self
+    type(dem_data_type), intent(in) :: d
+    class(log_type), intent(inout) :: log
+    if (.not. self%active) return
+    associate (pore => d%pore)
+      if (any(pore%liquid%law == [law_constant, law_kozeny_carman]) .and. &
+          pore%fastest(1) > most_reynolds) call log%warn('W437'//': the flow reached a Reynolds '// &
+          'number of '//short_number(pore%fastest(1))//' at '//short_number(pore%fastest(2))// &
+          " s, too fast for this law: take law = 'ergun'")
+      if (pore%changed(1) > most_change) call log%warn('W439'//': the porosity of a brick has '// &
+        'changed by '//short_number(pore%changed(1))//' at '//short_number(pore%changed(2))// &
+        ' s; what grains carry is of the start: write a packing and begin again from it, or set '// &
+        'carried = .false.')
+    end associate
+  end subroutine warn
+
   !> What the volume of the liquid has changed by without having come or gone, over the pores.
   real(wp) function mass_error(d)
     type(dem_data_type), intent(in) :: d
@@ -234,9 +257,9 @@ contains
       rest = hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale*d%par%gravity)
       call self%history%write([time, minval(pore%p), maxval(pore%p), side, sum(pore%omega), &
         s(sum_inflow), s(sum_swept), mass_error(d), s(sum_seepage + 1:sum_seepage + 6), &
-        s(sum_work), s(sum_hull) + s(sum_tools), s(sum_flow), s(sum_darcy), s(sum_drag), s(sum_exchange), &
-        pore%stored, sum(abs(pore%omega - c*pore%p)), &
-        maxval(abs(pore%porosity - pore%first_porosity)), real(pore%exchanges, wp), &
+        s(sum_work), s(sum_hull) + s(sum_tools), s(sum_flow), s(sum_darcy), s(sum_drag), &
+        s(sum_exchange), pore%stored, sum(abs(pore%omega - c*pore%p)), porosity_change(pore), &
+        real(pore%exchanges, wp), &
         real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp)], errors)
     end associate
   end subroutine write_row

@@ -21,7 +21,8 @@ module dem_pore_cut
 
 contains
 
-  !> What motions of a body sweep at all sides that it goes through: added to (6, nodes) [m^2], [m^3].
+  !> What motions of a body sweep at all sides that it goes through: added to (6, nodes) [m^2],
+  !! [m^3].
   subroutine add_cuts(grid, p, centre, cut)
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: p(:, :, :)  !! (3, corners, triangles), normals outwards [m]

@@ -17,7 +17,7 @@ module dem_pore_exchange
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
   use dem_pore_hold, only: hold_nodes, hold_pressures, add_sources, find_empty
   use dem_pore_drag, only: set_drag
-  use dem_pore_medium, only: count_pores, set_mobility, see_flow
+  use dem_pore_medium, only: count_pores, set_mobility, see_flow, porosity_change
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, brick_matrices
   use dem_pore_partner, only: add_partner, add_yield, book_partner, move_partner, node_storage, &
     take_yield
@@ -227,6 +227,7 @@ contains
     real(wp) :: reach(3, d%grains%n)
     call boxes_of(d%grains, reach)
     call count_pores(d%pore, d%grains%x, reach)
+    if (porosity_change(d%pore) > d%pore%changed(1)) d%pore%changed = [porosity_change(d%pore), time]
     call hold_nodes(d%pore)
     call check_pores(d, time, errors)
   end subroutine renew_pores

@@ -1,7 +1,8 @@
 !> A linear velocity in each brick, fitted to its grains by their volumes.
 !!
 !! [a L]' = A^-1 sum V [1 x]' v', A = sum V [1 x][1 x]': exact for every rigid motion and uniform
-!! strain. Closed bodies (tools) count with their volume, as dem_pore_tools. A brick with few grains, or grains that do not span it, has the mean velocity alone.
+!! strain. Closed bodies (tools) count by their volume (dem_pore_tools). A brick with few grains, or
+!! grains that do not span it, has the mean velocity alone.
 !! eq. D.35
 module dem_pore_fit
   use talus_kinds, only: wp, i4

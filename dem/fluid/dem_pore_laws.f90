@@ -4,7 +4,7 @@ module dem_pore_laws
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: drag_of, law_index, law_constant, pore_law_names
+  public :: drag_of, law_index, law_constant, law_kozeny_carman, pore_law_names
 
   integer(i4), parameter :: law_constant = 1, law_kozeny_carman = 2, law_ergun = 3, &
     law_beetstra = 4, law_koch_hill = 5, law_di_felice = 6

@@ -11,6 +11,7 @@ module dem_pore_medium
   implicit none
   private
   public :: count_pores, set_mobility, see_flow, darcy_velocity, ellipsoid_area, drag_in
+  public :: porosity_change
 
   real(wp), parameter :: clear = 0.01_wp  !! solid fraction that a brick has at least, for the law
   real(wp), parameter :: sliver = 0.02_wp !! part of a brick beside a tool in which grains are not
@@ -134,14 +135,28 @@ contains
                    pore%liquid%density*pore%speed(c)*d/pore%liquid%viscosity)
   end function drag_in
 
-  !> The law sees the mean of the speed of the flow now and that it saw before.
+  !> The law sees the mean of the speed of the flow now and that it saw before; the largest Reynolds
+  !! number is kept.
   subroutine see_flow(pore)
     type(dem_pore_type), intent(inout) :: pore
+    real(wp) :: reynolds
     integer(i4) :: c
+    reynolds = 0.0_wp
     do c = 1, brick_count(pore%grid)
       pore%speed(c) = 0.5_wp*(pore%speed(c) + norm2(darcy_velocity(pore, c)))
+      reynolds = max(reynolds, pore%liquid%density*pore%speed(c)*pore%sauter(c)/ &
+                               pore%liquid%viscosity)
     end do
+    if (reynolds > pore%fastest(1)) pore%fastest = [reynolds, pore%since]
   end subroutine see_flow
+
+  !> Largest change of the porosity of a brick since the start, of those that hold a bed and no tool
+  !! has half of [-].
+  pure real(wp) function porosity_change(pore) result(change)
+    type(dem_pore_type), intent(in) :: pore
+    change = maxval(abs(pore%porosity - pore%first_porosity), mask=pore%room > 0.5_wp)
+    change = max(change, 0.0_wp)
+  end function porosity_change
 
   !> Darcy's velocity at the centre of a brick [m/s].
   pure function darcy_velocity(pore, c) result(w)

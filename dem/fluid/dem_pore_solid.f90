@@ -1,8 +1,8 @@
 !> Closed bodies in the grid of the liquid: their triangles, and what of them lies in each brick.
 !!
-!! Volumes and moments are sums over columns a sixth of a brick apart, along each axis in turn, whose
-!! ends are exact: a body that fills a brick has all of its volume, and a side of it along those of
-!! the bricks is off by a 72nd of their edge at most. eq. D.75
+!! Volumes and moments are sums over columns a sixth of a brick apart, along each axis in turn,
+!! whose ends are exact: a body that fills a brick has all of its volume, and a side of it along
+!! those of the bricks is off by a 72nd of their edge at most. eq. D.75
 module dem_pore_solid
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
@@ -112,8 +112,8 @@ contains
     end do
   end function round_facets
 
-  !> Integrals of [1 x][1 x]' over a body's parts of the bricks from low + 1 on [m^3], x in the edges
-  !! of a brick from its centre.
+  !> Integrals of [1 x][1 x]' over a body's parts of the bricks from low + 1 on [m^3], x from the
+  !! centre of a brick in its edges.
   subroutine fill_bricks(grid, p, low, moment)
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: p(:, :, :)                        !! (3, corners, triangles) [m]
@@ -207,7 +207,8 @@ contains
     holds = .true.
   end function holds
 
-  !> A column from the middle of its cell, in cells: no two of a brick are in one plane along a side.
+  !> A column from the middle of its cell, in cells: no two of a brick are in one plane along a
+  !! side.
   pure function shift(at)
     integer(i4), intent(in) :: at(2)
     real(wp) :: shift(2)

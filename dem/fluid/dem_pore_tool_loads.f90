@@ -57,7 +57,7 @@ contains
     type(dem_data_type), intent(in) :: d
     real(wp), intent(in) :: span                 !! [s]
     real(wp), allocatable, intent(out) :: w(:, :)  !! (nodes, columns) [m^1.5 ...]
-    real(wp) :: r(3, 3)
+    real(wp) :: r(3, 3), scale(6)
     integer(i4) :: t, b, j, n
     allocate (w(size(d%pore%p), 6*d%pore%fit%tools%n))
     n = 0
@@ -65,18 +65,15 @@ contains
       do t = 1, tools%n
         b = tools%body(t)
         if (.not. is_free(s, b)) cycle
+        scale = span/sqrt([s%rigid%mass(b), s%rigid%mass(b), s%rigid%mass(b), &
+                           s%rigid%inertia(:, b)])
         r = rotation_of(s%quat(:, b))
         do j = 1, 6
           if (s%rigid%free(j, b) < 0.5_wp) cycle
           n = n + 1
-          if (j <= 3) then
-            w(:, n) = span*tools%gives(j, :, t)/sqrt(s%rigid%mass(b))
-          else if (turns_freely(s, b)) then
-            w(:, n) = span*matmul(r(:, j - 3), tools%gives(4:, :, t)) &
-                      /sqrt(s%rigid%inertia(j - 3, b))
-          else
-            w(:, n) = span*tools%gives(j, :, t)/sqrt(s%rigid%inertia(j - 3, b))
-          end if
+          w(:, n) = scale(j)*tools%gives(j, :, t)
+          if (j > 3 .and. turns_freely(s, b)) &
+            w(:, n) = scale(j)*matmul(r(:, j - 3), tools%gives(4:, :, t))
         end do
       end do
     end associate

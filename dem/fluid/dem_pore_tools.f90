@@ -1,8 +1,8 @@
 !> Closed bodies in the grid of the liquid: they count in the fits of their bricks as solid that
 !! moves as they do, and bear their share of the forces there.
 !!
-!! What a motion of a body compresses is one matrix of six columns; loads on it are the transpose, so
-!! that powers agree to rounding. eqs. D.75 to D.78
+!! What a motion of a body compresses is one matrix of six columns; loads on it are the transpose,
+!! so that powers agree to rounding. eqs. D.75 to D.78
 module dem_pore_tools
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
@@ -220,29 +220,38 @@ contains
   subroutine span_tools(grid, fit)
     type(pore_grid_type), intent(in) :: grid
     type(pore_fit_type), intent(inout) :: fit
-    real(wp) :: g(4, 3, 8), h(3), centre(3), unit(6), field(4, 3)
-    integer(i4) :: c, k, j, a, t, node(8)
+    integer(i4) :: c, k
     if (fit%tools%n == 0) return
-    h = brick_edges(grid)
-    g = slopes(h)
     fit%tools%gives = fit%tools%cut
     do c = 1, brick_count(grid)
-      node = corners_of(grid, c)
-      centre = grid%lower + h*(place_in(grid, c) + 0.5_wp)
       do k = fit%tools%start(c), fit%tools%start(c + 1) - 1
-        t = fit%tools%tool(k)
-        do j = 1, 6
-          unit = 0.0_wp
-          unit(j) = 1.0_wp
-          field = fit%tools%weight(c)*matmul(fit%inverse(:, :, c), &
-            matmul(fit%tools%moment(:, :, k), rigid(centre, h, fit%tools%centre(:, t), unit)))
-          do a = 1, 8
-            fit%tools%gives(j, node(a), t) = fit%tools%gives(j, node(a), t) + sum(g(:, :, a)*field)
-          end do
-        end do
+        call span_share(grid, c, k, fit)
       end do
     end do
   end subroutine span_tools
+
+  !> The part of share k, in brick c.
+  pure subroutine span_share(grid, c, k, fit)
+    type(pore_grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: c, k
+    type(pore_fit_type), intent(inout) :: fit
+    real(wp) :: g(4, 3, 8), h(3), centre(3), unit(6), field(4, 3)
+    integer(i4) :: j, a, t, node(8)
+    h = brick_edges(grid)
+    g = slopes(h)
+    node = corners_of(grid, c)
+    centre = grid%lower + h*(place_in(grid, c) + 0.5_wp)
+    t = fit%tools%tool(k)
+    do j = 1, 6
+      unit = 0.0_wp
+      unit(j) = 1.0_wp
+      field = fit%tools%weight(c)*matmul(fit%inverse(:, :, c), &
+        matmul(fit%tools%moment(:, :, k), rigid(centre, h, fit%tools%centre(:, t), unit)))
+      do a = 1, 8
+        fit%tools%gives(j, node(a), t) = fit%tools%gives(j, node(a), t) + sum(g(:, :, a)*field)
+      end do
+    end do
+  end subroutine span_share
 
   !> What motions of the tools sweep at the sides, by node.
   pure function sweep_tools(tools, motion, nodes) result(swept)

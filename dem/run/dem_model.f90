@@ -237,6 +237,7 @@ contains
     if (self%surcharge%active) call self%log%line( &
       'surcharge: '//self%surcharge%text(self%system%dem_data_type))
     if (self%pore%active) call self%log%line('liquid: '//self%pore%audit(self%system%dem_data_type))
+    call self%pore%warn(self%system%dem_data_type, self%log)
     if (self%openings%n > 0) call self%openings%log_totals(self%log, self%system)
     call self%breakage%log_totals(self%log, self%system%dem_data_type)
     call log_health(self%log, self%system, self%clock)

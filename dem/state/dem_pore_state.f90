@@ -131,6 +131,8 @@ module dem_pore_state
     real(wp), allocatable :: hold_p(:)           !! (nodes) pressure where it is held [Pa]
     real(wp) :: stored = 0.0_wp                  !! p C p/2 at the end of the last exchange [J]
     real(wp) :: sums(pore_sums) = 0.0_wp         !! sum_... since the start
+    real(wp) :: fastest(2) = 0.0_wp              !! largest Reynolds number, when [s]
+    real(wp) :: changed(2) = 0.0_wp              !! largest change of a porosity, when [s]
     integer(i4) :: turns = 0                     !! of the solver, in the last exchange
     type(pore_partner_type) :: partner
     type(pore_fit_type) :: fit                   !! where the exchange began; made from start_x

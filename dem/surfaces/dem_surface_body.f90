@@ -69,7 +69,7 @@ contains
     if (allocated(s%rigid%free)) turns_freely = all(s%rigid%free(4:, b) > 0.5_wp)
   end function turns_freely
 
-  !> What acts on body b in its free directions: contacts, given load, liquid and its weight [N], [N m].
+  !> What acts on body b in its free directions: contacts, given load, liquid, weight [N], [N m].
   pure function load_left(s, b, gravity) result(load)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b

@@ -11,7 +11,7 @@ module dem_store_pore
   private
   public :: put_pore, get_pore
 
-  integer(i4), parameter :: run_reals = 15 + pore_sums, tool_reals = 26
+  integer(i4), parameter :: run_reals = 19 + pore_sums, tool_reals = 26
 
 contains
 
@@ -30,8 +30,8 @@ contains
     call archive%put_reals('pore.held', pore%held)
     call archive%put_reals('pore.drag', pore%drag)
     call archive%put_reals('pore.run', reshape([pore%since, pore%span, pore%stored, &
-      pore%grid%lower, pore%grid%upper, reshape(pore%drain_value, [6]), pore%sums], &
-      [run_reals, 1]))
+      pore%grid%lower, pore%grid%upper, reshape(pore%drain_value, [6]), pore%fastest, &
+      pore%changed, pore%sums], [run_reals, 1]))
     if (pore%fit%tools%n > 0) call put_tools(pore%fit%tools, archive)
     call archive%put_integers('pore.counts', reshape([merge(1_i8, 0_i8, pore%open), &
                               pore%exchanges, int(pore%turns, i8)], [3, 1]))
@@ -111,7 +111,9 @@ contains
       pore%grid%lower = run(4:6, 1)
       pore%grid%upper = run(7:9, 1)
       pore%drain_value = reshape(run(10:15, 1), [2, 3])
-      pore%sums = run(16:, 1)
+      pore%fastest = run(16:17, 1)
+      pore%changed = run(18:19, 1)
+      pore%sums = run(20:, 1)
       pore%open = counts(1, 1) == 1
       pore%exchanges = counts(2, 1)
       pore%turns = int(counts(3, 1), i4)

@@ -1,4 +1,4 @@
-"""Closed bodies in a saturated bed: a plug, a ball that is held, free or at rest, a block pushed in."""
+"""Closed bodies in a saturated bed: a plug, a ball held, free or at rest, a block pushed in."""
 
 from pathlib import Path
 
@@ -26,7 +26,8 @@ def block(low: np.ndarray, high: np.ndarray) -> np.ndarray:
 def ball(times: int) -> np.ndarray:
     """Return the triangles of a ball of the volume of the radius, halved so many times."""
     tri = np.array(
-        [[[x, 0, 0], [0, y, 0], [0, 0, z]] for x in (1, -1) for y in (1, -1) for z in (1, -1)], float
+        [[[x, 0, 0], [0, y, 0], [0, 0, z]] for x in (1, -1) for y in (1, -1) for z in (1, -1)],
+        float,
     )
     flipped = np.prod(tri.sum(1), axis=1) < 0.0
     tri[flipped] = tri[flipped][:, ::-1]
@@ -53,7 +54,7 @@ def write_bed(path: Path, x: np.ndarray, fixed: bool) -> None:
 
 
 def around_ball() -> tuple[float, float]:
-    """Return the force on a ball that is held, over V grad p, and against its motion, over V U/kappa.
+    """Return the force on a ball held, over V grad p, and against its motion, over V U/kappa.
 
     An eighth of the box in cubes: Laplace's equation, no flow through ball and sides; p = 0 in the
     middle plane, and at the end -1 for the first, 0 for the second.
@@ -62,7 +63,9 @@ def around_ball() -> tuple[float, float]:
     at = edge * (np.arange(CELLS) + 0.5)
     x, y, z = np.meshgrid(at, at, at, indexing="ij")
     open_cell = x**2 + y**2 + z**2 > RADIUS**2
-    links = [open_cell.take(range(1, CELLS), k) & open_cell.take(range(CELLS - 1), k) for k in range(3)]
+    links = [
+        open_cell.take(range(1, CELLS), k) & open_cell.take(range(CELLS - 1), k) for k in range(3)
+    ]
     last = open_cell[:, :, -1]
     first = open_cell[:, :, 0]
 
@@ -115,7 +118,9 @@ def plug(case: Case) -> None:
     x = lattice(12, 12, 36)
     low, high = 0.0145, 0.0215
     write_bed(case.folder / "column.h5", x[(x[:, 2] < low) | (x[:, 2] > high)], True)
-    write_triangles(case.folder / "plug.stl", block([-0.01, -0.01, low + 5e-4], [0.022, 0.022, high - 5e-4]))
+    write_triangles(
+        case.folder / "plug.stl", block([-0.01, -0.01, low + 5e-4], [0.022, 0.022, high - 5e-4])
+    )
     case.run("talus-dem", "plug.nml", "--threads=1")
     row = {k: v[-1] for k, v in read_history(case.folder / "plug_tools.csv").items()}
     off = abs(row["force_z"] / (1.0e3 * 0.012**2) - 1.0)
@@ -158,7 +163,9 @@ def drift(case: Case, text: str, exact: float) -> None:
     found = []
     for bricks in (5, 10, 15):
         now = text.replace("bricks = 10, 10, 10", f"bricks = {bricks}, {bricks}, {bricks}")
-        (case.folder / "drift.nml").write_text(now.replace("bed.h5", "fine.h5" if bricks > 10 else "bed.h5"))
+        (case.folder / "drift.nml").write_text(
+            now.replace("bed.h5", "fine.h5" if bricks > 10 else "bed.h5")
+        )
         case.run("talus-dem", "drift.nml", "--threads=1")
         body = read_history(case.folder / "drift_bodies.csv")
         found.append(float(body["velocity_z"][-1] / (MOBILITY * DROP / BOX)))
@@ -169,7 +176,9 @@ def drift(case: Case, text: str, exact: float) -> None:
     rate = np.log((found[1] - exact) / (found[2] - exact)) / np.log(1.5)
     case.metric("ball free: order in the size of bricks", float(rate), 1.0, 0.3)
     limit = found[2] - (found[1] - found[2]) / (1.5 - 1.0)
-    case.below("ball free: velocity for small bricks / exact, error", abs(limit / exact - 1.0), 0.05)
+    case.below(
+        "ball free: velocity for small bricks / exact, error", abs(limit / exact - 1.0), 0.05
+    )
     axes.plot([0.0, 200.0], [exact] * 2, color="black", label="exact")
     axes.set(xlabel="time [us]", ylabel="velocity / (kappa grad p) [-]")
     axes.legend(fontsize=8)
@@ -181,7 +190,9 @@ def push(case: Case) -> None:
     x = lattice(12, 12, 16)
     inside = (np.abs(x[:, :2] - 0.006) < 3.5e-3).all(1) & (x[:, 2] > 0.0095)
     write_bed(case.folder / "loose.h5", x[~inside], False)
-    write_triangles(case.folder / "block.stl", block([0.003, 0.0035, 0.0105], [0.0087, 0.009, 0.02]))
+    write_triangles(
+        case.folder / "block.stl", block([0.003, 0.0035, 0.0105], [0.0087, 0.009, 0.02])
+    )
     area = 5.7e-3 * 5.5e-3
     case.run("talus-dem", "push.nml", "--threads=1")
     rows = read_history(case.folder / "push_pore.csv")
@@ -200,16 +211,24 @@ def push(case: Case) -> None:
 def bits(case: Case, x: np.ndarray) -> None:
     """Let a rod go below the block: the ledger, a restart within an exchange, two threads."""
     from_axis = np.hypot(x[:, 0] - 0.006, x[:, 2] - 0.005)
-    write_bed(case.folder / "rod.h5", x[(from_axis > 2.55e-3) | (np.abs(x[:, 1] - 0.006) > 3.55e-3)], False)
+    write_bed(
+        case.folder / "rod.h5",
+        x[(from_axis > 2.55e-3) | (np.abs(x[:, 1] - 0.006) > 3.55e-3)],
+        False,
+    )
     text = (case.folder / "push.nml").read_text().replace("loose.h5", "rod.h5")
     text = text.replace("t_end = 1.0e-3", "t_end = 1.0e-3, gravity = 0.0, 0.0, -9.81")
-    rod = "&cylinder id = 'rod', centre = 0.006, 0.006, 0.005, axis = 0.0, 1.0, 0.0, radius = 0.002, "
+    rod = (
+        "&cylinder id = 'rod', centre = 0.006, 0.006, 0.005, axis = 0.0, 1.0, 0.0, radius = 0.002, "
+    )
     rod += "length = 0.006, side = 'outside', material = 'grain', spin = 0.0, 40.0, 0.0 /\n"
     body = "&body surface = 'rod', free = 'x', 'y', 'z', 'rx', 'ry', 'rz', density = 3000.0 /\n"
     (case.folder / "bits.nml").write_text(text + rod + body)
     case.run("talus-dem", "bits.nml", "--threads=1")
     rows = read_history(case.folder / "bits_pore.csv")
-    case.below("rod below the block: liquid from nowhere / pores", float(rows["balance"].max()), 1e-12)
+    case.below(
+        "rod below the block: liquid from nowhere / pores", float(rows["balance"].max()), 1e-12
+    )
     closure = read_history(case.folder / "bits_energy.csv")["relative_closure"].max()
     case.below("rod below the block: closure of the ledger", float(closure), 1e-4)
     judge(case, "bits", "rod below the block, ")

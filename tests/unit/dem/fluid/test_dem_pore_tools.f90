@@ -1,5 +1,5 @@
 !> Closed bodies in the grid of the liquid: volumes and shares, rigid motions that compress nothing,
-!! power and resultants, cross-sections at sides, bodies that give way, weight of what they displace.
+!! power and resultants, cross-sections at sides, weight of what they displace.
 program test_dem_pore_tools
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
@@ -215,11 +215,9 @@ contains
     do axis = 1, 3
       do end = 1, 2
         call add_hull(grid, end, axis, speed(axis), rate)
-        do t = 1, 2  ! the walls sweep what the tools leave
-          do i = 1, size(rate)
-            if (on_side(grid, i, end, axis)) &
-              rate(i) = rate(i) - speed(axis)*fit%tools%cut(axis, i, t)
-          end do
+        do i = 1, size(rate)  ! the walls sweep what the tools leave
+          if (on_side(grid, i, end, axis)) &
+            rate(i) = rate(i) - speed(axis)*sum(fit%tools%cut(axis, i, :))
         end do
       end do
     end do
