@@ -82,7 +82,7 @@ contains
         if (wet(a) > wet(b)) cycle
         p = place(pattern, wet(a), wet(b))
         k(1, 1, p) = k(1, 1, p) + flow(a, b)
-        if (size(lower, 3) > 0 .and. a /= b) lower(1, 1, p) = lower(1, 1, p) + flow(a, b)
+        if (size(lower, 3) > 0 .and. a /= b) lower(1, 1, p) = lower(1, 1, p) + flow(b, a)
       end do
     end do
   end subroutine add_flow

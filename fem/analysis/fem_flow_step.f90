@@ -7,8 +7,8 @@ module fem_flow_step
   use fem_pore_element, only: fem_flow_energy_type
   implicit none
   private
-  public :: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, same_matrix, swing
-  public :: take_length, work_on
+  public :: begin_flow, finish_flow, matrix_step, measure_leak, out_of_balance, resting_force
+  public :: same_matrix, swing, take_length, tight, work_on
 
   real(wp), parameter :: same_step = 1.0e-9_wp   !! relative change of dt that needs new factors
 
@@ -67,9 +67,27 @@ contains
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: leak
     leak = 0.0_wp
-    if (self%pore%active) leak = norm2(residual(1, self%dofs%solid + 1:)) &
-      /max(norm2(self%pore%gross), tiny(1.0_wp))
+    if (self%pore%active) leak = out_of_balance(self, residual)/max(norm2(self%pore%gross), &
+                                                                    tiny(1.0_wp))
   end subroutine measure_leak
+
+  !> Norm of the volumes of liquid out of balance at the nodes [m^3].
+  pure real(wp) function out_of_balance(self, residual)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: residual(:, :)
+    out_of_balance = norm2(residual(1, self%dofs%solid + 1:))
+  end function out_of_balance
+
+  !> Is the liquid in balance? Contents of unsaturated pores are not linear: what an iteration
+  !! leaves out of balance is lost, so they take one correction more than the tolerance asks for.
+  pure logical function tight(self, leak, before)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: leak, before  !! as `measure_leak`, and in the last iteration
+    real(wp), parameter :: closed = 1.0e-14_wp
+    tight = leak <= self%newton%tolerance
+    if (self%pore%unsaturated) tight = tight .and. (leak <= closed .or. &
+                                                    before <= self%newton%tolerance)
+  end function tight
 
   !> Books and energies of the pore liquid: work of the mean pressure on what entered, and of the
   !! weight of the liquid on its flow.
@@ -79,7 +97,10 @@ contains
     associate (s => self%state, old => self%accepted, e => self%energy, p => self%pore)
       call p%account(self%mesh, self%dofs, self%elastic, old%u, s%u, energy)
       call p%enter(-s%reaction(1, :))
-      e%liquid = energy%stored
+      p%books%kept = p%accepted_books%kept + energy%gained
+      e%liquid = energy%stored + p%books%kept
+      e%load = e%load + energy%weight
+      e%gravity = e%gravity + energy%weight
       e%darcy = e%darcy + energy%darcy
       e%flow = e%flow + energy%fall + 0.5_wp*sum((s%u(1, self%dofs%solid + 1:) &
         + old%u(1, self%dofs%solid + 1:))*(p%step%dt*p%rate(self%dofs%solid + 1:) &

@@ -7,8 +7,8 @@ module fem_newton
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
   use fem_law, only: at_dissipated
-  use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, resting_force, &
-    same_matrix, swing, take_length, work_on
+  use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, out_of_balance, &
+    resting_force, same_matrix, swing, take_length, tight, work_on
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
@@ -40,6 +40,7 @@ module fem_newton
     character(len=:), allocatable :: reason               !! why it did not converge
     logical :: inverted = .false.                         !! an element turned inside out
     real(wp) :: leak = 0.0_wp                             !! liquid out of balance, of what moves
+    real(wp) :: leaked = 0.0_wp                           !! the same in the iteration before
   end type part_type
 
 contains
@@ -155,6 +156,7 @@ contains
     logical :: emptied
 
     emptied = .false.
+    part%leak = huge(1.0_wp)
     associate (s => self%state)
       s%time = t0 + part%after*(t1 - t0)
       part%dt = s%time - self%accepted%time
@@ -169,6 +171,7 @@ contains
       if (.not. good) return
       do iterations = 1, self%newton%most_iterations
         call measure(self, part, residual, size_of, scale)
+        part%leaked = part%leak
         call measure_leak(self, residual, part%leak)
         if (iterations == 1) then
           first = size_of
@@ -177,7 +180,7 @@ contains
         forces(2) = scale
         if (.not. self%scheme%dynamic) scale = max(scale, self%newton%largest)
         call note(self, part, iterations, size_of, scale, work_on(self, du, residual), search)
-        good = max(size_of, part%leak*scale) <= self%newton%tolerance*scale
+        good = size_of <= self%newton%tolerance*scale .and. tight(self, part%leak, part%leaked)
         emptied = good .and. forces(1) > loaded*scale .and. forces(2) < empty*scale
         if (emptied) good = .false.
         if (good .or. emptied .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
@@ -398,7 +401,8 @@ contains
 
   !> Step along du: all of it, or (`seek`) as far as the residual's work on it falls; less where a
   !! point has no state. With a pore liquid forces that fall are enough: where it does not flow a
-  !! correction changes pressures alone, whose work is rounding.
+  !! correction changes pressures alone, whose work is rounding; and with unsaturated pores a
+  !! liquid closer to balance.
   subroutine line_search(self, part, du, seek, residual, share, good)
     type(fem_body_type), intent(inout) :: self
     type(part_type), intent(inout) :: part
@@ -408,7 +412,7 @@ contains
     real(wp), intent(out) :: share
     logical, intent(out) :: good
     real(wp), dimension(3, self%dofs%blocks) :: start, internal
-    real(wp) :: before, after, forces
+    real(wp) :: before, after, forces, flow
     integer(i4) :: k, bad
 
     start = 0.0_wp
@@ -416,6 +420,7 @@ contains
     before = 0.0_wp
     if (seek) before = work_on(self, du, residual)
     forces = sum(residual(:, :self%dofs%solid)**2)
+    flow = out_of_balance(self, residual)
     share = 1.0_wp
     do k = 1, most_searches
       call inner_force(self, start + share*du, internal, bad)
@@ -429,6 +434,7 @@ contains
       after = work_on(self, du, residual)
       if (.not. seek .or. abs(after) <= slack*abs(before) .or. share <= shortest) exit
       if (self%pore%active .and. sum(residual(:, :self%dofs%solid)**2) < slack**2*forces) exit
+      if (self%pore%unsaturated .and. out_of_balance(self, residual) < flow) exit
       if (k == most_searches .or. after*before >= before**2) exit
       share = max(shortest, share*max(0.1_wp, before/(before - after)))
     end do

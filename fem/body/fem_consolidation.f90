@@ -7,6 +7,7 @@ module fem_consolidation
   use talus_text, only: str
   use talus_log, only: log_type, short_number
   use fem_body, only: fem_body_type
+  use fem_retention, only: chord, steep
   implicit none
   private
   public :: coefficient, short_step_warning, size_at_drain, describe_pores, fast_warning
@@ -33,6 +34,8 @@ contains
         here = extent(body, e)
         h = [min(h(1), here), max(h(2), here)]
       end do
+      if (steep(body%pore%skeleton(k)%retention)) call log%item('permeability of &pore '//str(k), &
+        'a chord over S_e > '//short_number(chord)//' caps its slope')
       if (.not. c(1) > 0.0_wp .or. h(2) <= 0.0_wp) cycle
       call log%item('consolidation of &pore '//str(k), 'c_v '//short_number(c(2))//' m2/s', &
         'elements of '//short_number(h(1))//' to '//short_number(h(2))//' m: h^2/c_v '// &

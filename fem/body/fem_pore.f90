@@ -5,16 +5,20 @@ module fem_pore
   use talus_kinds, only: wp, i4, i8
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_pore_element, only: fem_wet_type, fem_flow_energy_type, fem_flow_change_type, wet_shape, &
-    wet_force, wet_matrix, wet_energy, wet_content, wet_size, darcy_flow, constant_permeability, &
-    permeability_factor, mean_strain
+  use fem_pore_element, only: fem_flow_change_type, fem_flow_energy_type, fem_flow_step_type, &
+    fem_skeleton_type, fem_wet_type, wet_shape, wet_force, wet_matrix, wet_energy, wet_content, &
+    wet_size, constant_permeability, permeability_factor, mean_strain
   use fem_pore_faces, only: add_leaks, let_in
   use fem_pore_integrals, only: integrate_wet, integrals_size, flow_force, flow_matrix, &
     flow_energy, flow_content, flow_size, flow_strain
   use fem_pore_state, only: fem_pore_state_type
+  use fem_retention, only: bear
+  use fem_rules, only: fem_formulation_type
   use fem_scatter, only: add_flow
   use fem_sparse, only: fem_pattern_type
   use fem_types, only: fem_mesh_type
+  use fem_unsaturated, only: has_retention, moist_energy, moist_force, moist_gain, moist_matrix, &
+    moist_means, moist_size
   implicit none
   private
   public :: fem_pore_type
@@ -26,7 +30,7 @@ module fem_pore
   type, extends(fem_pore_state_type) :: fem_pore_type
   contains
     procedure :: keep
-    procedure :: pressure_at
+    procedure :: borne_at
     procedure :: renew_mobility
     procedure, private :: change_of, gather
     procedure :: force
@@ -45,7 +49,7 @@ contains
     type(fem_wet_type) :: wet
     integer(i8) :: reals
     integer(i4) :: e, rule
-    if (.not. self%active) return
+    if (.not. self%active .or. self%unsaturated) return
     reals = 0
     do e = 1, mesh%elements
       if (self%skeleton_of(e) > 0) reals = reals + integrals_size(elastic%rule(elastic%rule_of(e)))
@@ -63,19 +67,21 @@ contains
     end do
   end subroutine keep
 
-  !> Pressure at point q of element e [Pa].
-  pure real(wp) function pressure_at(self, dofs, elastic, u, e, q) result(p)
+  !> Pressure that the skeleton bears at point q of element e [Pa].
+  pure real(wp) function borne_at(self, dofs, elastic, u, e, q) result(p)
     class(fem_pore_type), intent(in) :: self
     type(fem_dofs_type), intent(in) :: dofs
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)  !! (3, blocks)
     integer(i4), intent(in) :: e, q
+    real(wp), dimension(elastic%rule(elastic%rule_of(e))%corners) :: borne, slope
     p = 0.0_wp
     if (.not. self%active) return
     if (self%skeleton_of(e) == 0) return
-    p = dot_product(elastic%rule(elastic%rule_of(e))%at%corner(:, q), &
-                    u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
-  end function pressure_at
+    call bear(self%skeleton(self%skeleton_of(e))%retention, &
+              u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)), borne, slope)
+    p = dot_product(elastic%rule(elastic%rule_of(e))%at%corner(:, q), borne)
+  end function borne_at
 
   !> Permeabilities of a step are those of the state `u` at its start.
   subroutine renew_mobility(self, mesh, dofs, elastic, u)
@@ -121,6 +127,7 @@ contains
         change%moved = moved(:, block)
         change%p(:, 1) = old(1, p)
         change%p(:, 2) = old(1, p) + moved(1, p)
+        if (self%unsaturated) change%gone = old(:, block) - self%start(:, block)
         if (.not. allocated(self%swing)) return
         allocate (change%a(3, n))
         change%a = self%swing(:, block)
@@ -160,6 +167,10 @@ contains
     real(wp), allocatable :: nodal(:, :), volume(:, :)
     integer(i4) :: c, k
     if (.not. self%active) return
+    if (self%unsaturated) then
+      self%tried_from = old
+      self%tried = moved
+    end if
     allocate (nodal(3, size(dofs%block)), volume(2, size(dofs%wet)), source=0.0_wp)
     !$omp parallel do default(none) private(c) schedule(dynamic) &
     !$omp shared(self, mesh, dofs, elastic, old, moved, nodal, volume)
@@ -203,13 +214,31 @@ contains
           end if
           call shape_of(self, mesh, elastic, e, rule, wet)
           change = self%change_of(dofs, elastic, e, old, moved)
-          call wet_force(elastic%rule(rule), self%solid_of(e), wet, self%step, change, &
-                         nodal(:, a:a + n - 1), volume(1, b:m))
-          volume(2, b:m) = wet_size(self%solid_of(e), wet, self%step, change)
+          call element_force(elastic%rule(rule), self%solid_of(e), wet, self%step, change, &
+                             nodal(:, a:a + n - 1), volume(:, b:m))
         end associate
       end do
     end subroutine chunk_forces
   end subroutine force
+
+  !> Forces of an element at its points; `volume` has what its corners lose and its size.
+  pure subroutine element_force(rule, solid, wet, step, change, nodal, volume)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: solid
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    type(fem_flow_change_type), intent(in) :: change
+    real(wp), intent(out) :: nodal(:, :), volume(:, :)
+    real(wp) :: flow(size(volume, 2))
+    if (has_retention(solid)) then
+      call moist_force(rule, solid, wet, step, change, nodal, flow)
+      volume(2, :) = moist_size(solid, wet, step, change)
+    else
+      call wet_force(rule, solid, wet, step, change, nodal, flow)
+      volume(2, :) = wet_size(solid, wet, step, change)
+    end if
+    volume(1, :) = flow
+  end subroutine element_force
 
   !> Forces of element e by its kept integrals; `volume` has what its corners lose and its size.
   subroutine kept_forces(self, dofs, old, moved, e, nodal, volume)
@@ -279,7 +308,12 @@ contains
           call flow_matrix(self%kept(e), self%pervious(e), self%step, coupling, flow)
         else
           call shape_of(self, mesh, elastic, e, rule, wet)
-          call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, coupling, flow)
+          if (has_retention(self%skeleton(self%skeleton_of(e)))) then
+            call moist_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, &
+              self%change_of(dofs, elastic, e, self%tried_from, self%tried), coupling, flow)
+          else
+            call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, coupling, flow)
+          end if
         end if
         call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
           dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), pattern, coupling, flow, k, lower)
@@ -295,7 +329,7 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: old(:, :), u(:, :)  !! (3, blocks)
     type(fem_flow_energy_type), intent(out) :: energy
-    real(wp) :: part(5, chunks)  !! content and energies
+    real(wp) :: part(7, chunks)  !! content and energies
     real(wp) :: kept(2)
     real(wp), allocatable :: moved(:, :), gone(:, :)
     integer(i4) :: c
@@ -322,6 +356,8 @@ contains
       energy%darcy = energy%darcy + part(3, c)
       energy%fall = energy%fall + part(4, c)
       energy%numerical = energy%numerical + part(5, c)
+      energy%gained = energy%gained + part(6, c)
+      energy%weight = energy%weight + part(7, c)
     end do
 
   contains
@@ -329,20 +365,36 @@ contains
     subroutine account_points(c)
       integer(i4), intent(in) :: c
       type(fem_wet_type) :: wet
+      type(fem_flow_change_type) :: since, change
       integer(i4) :: e, rule
       rule = 0
       do e = first_of(c, mesh%elements), first_of(c + 1_i4, mesh%elements) - 1
         if (self%skeleton_of(e) == 0) cycle
         call shape_of(self, mesh, elastic, e, rule, wet)
-        associate (r => elastic%rule(rule), s => self%solid_of(e), &
-                   p => dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), &
-                   block => dofs%block(dofs%start(e):dofs%start(e) + elastic%rule(rule)%nodes - 1))
-          call sum_up(wet_content(r, s, wet, gone(:, block), gone(1, p)), wet_energy(r, s, wet, &
-            self%step, self%change_of(dofs, elastic, e, old, moved)), part(:, c))
-        end associate
+        since = self%change_of(dofs, elastic, e, self%start, gone)
+        change = self%change_of(dofs, elastic, e, old, moved)
+        call sum_element(elastic%rule(rule), self%solid_of(e), wet, self%step, since, change, &
+                         part(:, c))
       end do
     end subroutine account_points
   end subroutine account
+
+  !> Add content and energies of an element at its points; `since` is the change since the start.
+  pure subroutine sum_element(rule, solid, wet, step, since, change, part)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: solid
+    type(fem_wet_type), intent(in) :: wet
+    type(fem_flow_step_type), intent(in) :: step
+    type(fem_flow_change_type), intent(in) :: since, change
+    real(wp), intent(inout) :: part(7)
+    if (has_retention(solid)) then
+      call sum_up(moist_gain(rule, solid, wet, since), &
+                  moist_energy(rule, solid, wet, step, change), part)
+    else
+      call sum_up(wet_content(rule, solid, wet, since%moved, since%p(:, 2) - since%p(:, 1)), &
+                  wet_energy(rule, solid, wet, step, change), part)
+    end if
+  end subroutine sum_element
 
   !> `account` of a chunk by kept integrals; `gone` is the change since the start.
   subroutine account_kept(self, dofs, old, moved, gone, c, part)
@@ -350,7 +402,7 @@ contains
     type(fem_dofs_type), intent(in) :: dofs
     real(wp), intent(in) :: old(:, :), moved(:, :), gone(:, :)  !! (3, blocks)
     integer(i4), intent(in) :: c
-    real(wp), intent(inout) :: part(5)
+    real(wp), intent(inout) :: part(7)
     integer(i4) :: e
     do e = first_of(c, size(self%kept)), first_of(c + 1_i4, size(self%kept)) - 1
       if (self%skeleton_of(e) > 0) call account_element()
@@ -372,11 +424,13 @@ contains
   pure subroutine sum_up(content, energy, part)
     real(wp), intent(in) :: content
     type(fem_flow_energy_type), intent(in) :: energy
-    real(wp), intent(inout) :: part(5)
-    part = part + [content, energy%stored, energy%darcy, energy%fall, energy%numerical]
+    real(wp), intent(inout) :: part(7)
+    part = part + [content, energy%stored, energy%darcy, energy%fall, energy%numerical, &
+      energy%gained, energy%weight]
   end subroutine sum_up
 
-  !> Means over element e: Darcy's flow [m/s] and the pressure [Pa].
+  !> Means over element e: Darcy's flow [m/s], the pressure that the skeleton bears [Pa] and the
+  !! saturation.
   subroutine element_flow(self, mesh, dofs, elastic, u, e, flow)
     class(fem_pore_type), intent(in) :: self
     type(fem_mesh_type), intent(in) :: mesh
@@ -384,20 +438,14 @@ contains
     type(fem_elastic_type), intent(in) :: elastic
     real(wp), intent(in) :: u(:, :)   !! (3, blocks)
     integer(i4), intent(in) :: e
-    real(wp), intent(out) :: flow(4)
+    real(wp), intent(out) :: flow(5)
     type(fem_wet_type) :: wet
-    integer(i4) :: q, rule
+    integer(i4) :: rule
     flow = 0.0_wp
     if (self%skeleton_of(e) == 0) return
     rule = 0
     call shape_of(self, mesh, elastic, e, rule, wet)
-    associate (s => self%solid_of(e), at => elastic%rule(rule)%at, &
-               p => u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
-      do q = 1, at%n
-        flow(:3) = flow(:3) + wet%shape%weight(q)*darcy_flow(s, wet, self%step%gravity, p, q)
-        flow(4) = flow(4) + wet%shape%weight(q)*dot_product(at%corner(:, q), p)
-      end do
-    end associate
-    flow = flow/sum(wet%shape%weight)
+    flow = moist_means(elastic%rule(rule), self%solid_of(e), wet, self%step%gravity, &
+                       u(1, dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1)))
   end subroutine element_flow
 end module fem_pore

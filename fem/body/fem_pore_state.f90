@@ -17,12 +17,14 @@ module fem_pore_state
     real(wp), allocatable :: rate(:)        !! of the last step [m^3/s]
     real(wp) :: content = 0.0_wp            !! beyond that of the start [m^3]
     real(wp) :: numerical = 0.0_wp          !! dissipated by the integration of the flow [J]
+    real(wp) :: kept = 0.0_wp               !! stored in unsaturated pores since the start [J]
     real(wp) :: through = 0.0_wp            !! sum of what passed any face, either way [m^3]
   end type fem_pore_books_type
 
   type :: fem_pore_state_type
     logical :: active = .false.
     logical :: constant = .false.           !! the matrix depends on the length of a step alone
+    logical :: unsaturated = .false.        !! some pores can be
     logical :: resting = .false.            !! pressures stay: equilibrium without time
     type(fem_flow_step_type) :: step
     type(fem_skeleton_type), allocatable :: skeleton(:)
@@ -41,6 +43,8 @@ module fem_pore_state
     real(wp), allocatable :: rate(:)        !! (blocks) with leaks [m^3/s]
     real(wp), allocatable :: start(:, :)    !! (3, blocks) state that contents count from
     type(fem_pore_books_type) :: books, accepted_books
+    real(wp), allocatable :: tried_from(:, :)  !! (3, blocks) last trial of a step with unsaturated
+    real(wp), allocatable :: tried(:, :)       !! pores: state before it, and what it moves
     real(wp), allocatable :: swing(:, :)    !! (3, blocks) mean acceleration of a step [m/s^2]
     real(wp), allocatable :: gross(:)       !! (blocks) sizes of what a step's balance sums [m^3]
   contains
@@ -177,6 +181,7 @@ contains
     self%books%rate = 0.0_wp
     self%books%content = 0.0_wp
     self%books%numerical = 0.0_wp
+    self%books%kept = 0.0_wp
     self%books%through = 0.0_wp
     self%accepted_books = self%books
   end subroutine forget_books

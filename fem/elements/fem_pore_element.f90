@@ -14,6 +14,7 @@ module fem_pore_element
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
   use fem_element, only: fem_shape_type, element_shape
+  use fem_retention, only: fem_retention_type
   use fem_rules, only: fem_formulation_type
   use fem_strain, only: volume_gradients
   implicit none
@@ -36,6 +37,8 @@ module fem_pore_element
     real(wp) :: density = 0.0_wp       !! of the liquid [kg/m^3]
     integer(i4) :: law = constant_permeability
     real(wp) :: slope = 0.0_wp         !! c_k of `by_void_ratio` [-]
+    real(wp) :: grains = 0.0_wp        !! (alpha - n)/K_s, share of the grains in S [1/Pa]
+    type(fem_retention_type) :: retention
   end type fem_skeleton_type
 
   !> One element at its points.
@@ -59,6 +62,7 @@ module fem_pore_element
     real(wp), allocatable :: moved(:, :)  !! (3, nodes) displacements in it [m]
     real(wp), allocatable :: p(:, :)      !! (corners, 2) pressures at its start and end [Pa]
     real(wp), allocatable :: a(:, :)      !! (3, nodes) mean acceleration, in dynamics [m/s^2]
+    real(wp), allocatable :: gone(:, :)   !! (3, nodes) displacements before it, if unsaturated [m]
   end type fem_flow_change_type
 
   !> Energies of the liquid of an element [J].
@@ -67,6 +71,8 @@ module fem_pore_element
     real(wp) :: darcy = 0.0_wp      !! dissipated by the flow
     real(wp) :: fall = 0.0_wp       !! work of the liquid's weight on the flow
     real(wp) :: numerical = 0.0_wp  !! dissipated by the integration
+    real(wp) :: gained = 0.0_wp     !! stored in the step, of unsaturated pores
+    real(wp) :: weight = 0.0_wp     !! work of the weight that unsaturated pores lack
   end type fem_flow_energy_type
 
 contains

@@ -1,14 +1,15 @@
 !> How much liquid pores hold against suction, and how well it flows there: retention, relative
 !! permeability and Bishop's factor, of the pressure p of the liquid over that of the air.
 !!
-!! With the suction s = -p > 0, S = S_r + (1 - S_r) S_e(s); all slopes are by p. Mualem's law rises
-!! to 1 with an infinite slope, as may a power: a chord over the last thousandth of S_e caps it.
+!! With the suction s = -p > 0, S = S_r + (1 - S_r) S_e(s); all slopes are by p, at p = 0 those of
+!! suctions. Mualem's law rises to 1 with an infinite slope, as may a power: a chord over the last
+!! thousandth of S_e caps it.
 !! eqs. F.80 to F.82
 module fem_retention
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: fem_retention_type, retain, conduct, bear, begin_table, table_slopes
+  public :: fem_retention_type, retain, conduct, bear, begin_table, steep
   public :: no_retention, van_genuchten, brooks_corey, gardner, power, table
   public :: by_mualem, by_corey, by_gardner, by_power, by_table, least_relative, chord
 
@@ -16,6 +17,7 @@ module fem_retention
     power = 4, table = 5
   integer(i4), parameter :: by_mualem = 1, by_corey = 2, by_gardner = 3, by_power = 4, by_table = 5
   real(wp), parameter :: least_relative = 1.0e-6_wp  !! relative permeability of what is left
+  real(wp), parameter :: least = 1.0e-20_wp          !! suction whose slopes are those at p = 0 [Pa]
   real(wp), parameter :: chord = 0.999_wp            !! S_e from which a chord leads to 1
 
   !> The laws of a material.
@@ -43,8 +45,8 @@ contains
     real(wp) :: se, by_suction
     saturation = 1.0_wp
     slope = 0.0_wp
-    if (p >= 0.0_wp .or. self%law == no_retention) return
-    call effective(self, -p, se, by_suction)
+    if (p > 0.0_wp .or. self%law == no_retention) return
+    call effective(self, max(-p, least), se, by_suction)
     saturation = self%residual + (1.0_wp - self%residual)*se
     slope = -(1.0_wp - self%residual)*by_suction
   end subroutine retain
@@ -57,7 +59,7 @@ contains
     real(wp) :: se, by_suction
     share = 1.0_wp
     slope = 0.0_wp
-    if (p >= 0.0_wp .or. self%law == no_retention) return
+    if (p > 0.0_wp .or. self%law == no_retention) return
     select case (self%relative)
     case (by_gardner)
       share = exp(self%c*p)
@@ -66,7 +68,7 @@ contains
       call look_up(self%at, self%flows, -p, share, by_suction)
       slope = -by_suction
     case default
-      call effective(self, -p, se, by_suction)
+      call effective(self, max(-p, least), se, by_suction)
       call through(self, se, share, slope)
       slope = -slope*by_suction
     end select
@@ -83,7 +85,7 @@ contains
     real(wp) :: factor, rise
     borne = p
     slope = 1.0_wp
-    if (p >= 0.0_wp .or. self%law == no_retention) return
+    if (p > 0.0_wp .or. self%law == no_retention) return
     call retain(self, p, factor, rise)
     if (self%effective) then
       factor = (factor - self%residual)/(1.0_wp - self%residual)
@@ -142,7 +144,8 @@ contains
   !> Does the relative permeability reach 1 with an infinite slope?
   elemental logical function steep(self)
     type(fem_retention_type), intent(in) :: self
-    steep = self%relative == by_mualem .or. (self%relative == by_power .and. self%d < 1.0_wp)
+    steep = self%law /= no_retention .and. (self%relative == by_mualem .or. &
+      (self%relative == by_power .and. self%d < 1.0_wp))
   end function steep
 
   !> The same without the chord.

@@ -20,7 +20,9 @@ contains
     type(fem_body_type), intent(in) :: body
     type(xdmf_type), intent(inout) :: xdmf
     call xdmf%attribute('pore_pressure', 'pore_pressure', xdmf_node, 1)
+    call xdmf%attribute('excess_pressure', 'excess_pressure', xdmf_node, 1)
     call xdmf%attribute('darcy', 'darcy', xdmf_cell, 3)
+    if (body%pore%unsaturated) call xdmf%attribute('saturation', 'saturation', xdmf_cell, 1)
     call xdmf%attribute('total_stress', 'total_stress', xdmf_cell, stresses(body))
   end subroutine describe_pore
 
@@ -39,7 +41,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: total(:, :), flow(:, :)
     integer(i4) :: e, k, diagonal(3)
-    allocate (total(stresses(body), body%mesh%elements), flow(4, body%mesh%elements))
+    allocate (total(stresses(body), body%mesh%elements), flow(5, body%mesh%elements))
     total = mean(:size(total, 1), :)
     diagonal = merge([1, 2, 3], [1, 5, 9], size(total, 1) == classical)
     do e = 1, body%mesh%elements
@@ -48,14 +50,19 @@ contains
       k = body%pore%skeleton_of(e)
       if (k > 0) total(diagonal, e) = total(diagonal, e) - body%pore%skeleton(k)%biot*flow(4, e)
     end do
-    call file%put(group//'/pore_pressure', nodal_pressure(body), errors)
+    call file%put(group//'/pore_pressure', nodal_pressure(body, body%accepted%u(1, :)), errors)
+    call file%put(group//'/excess_pressure', nodal_pressure(body, body%accepted%u(1, :) &
+      - body%pore%start(1, :)), errors)
     call file%put(group//'/darcy', flow(:3, :), errors)
+    if (body%pore%unsaturated) call file%put(group//'/saturation', flow(5, :), errors)
     call file%put(group//'/total_stress', total, errors)
   end subroutine put_pore
 
-  !> Pressures of all nodes: between corners as the element has them, zero where there is no liquid.
-  pure function nodal_pressure(body) result(p)
+  !> Values of all nodes from those of the pressures: between corners as the element has them, zero
+  !! where there is no liquid.
+  pure function nodal_pressure(body, value) result(p)
     type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: value(:)  !! (blocks) [Pa]
     real(wp) :: p(body%mesh%nodes)
     integer(i4) :: e, a
     p = 0.0_wp
@@ -65,7 +72,7 @@ contains
                  node => body%mesh%node(body%mesh%start(e):body%mesh%start(e + 1) - 1), &
                  wet => body%dofs%wet(body%dofs%wet_start(e):body%dofs%wet_start(e + 1) - 1))
         do a = 1, rule%nodes
-          p(node(a)) = dot_product(rule%middle(:, a), body%accepted%u(1, wet))
+          p(node(a)) = dot_product(rule%middle(:, a), value(wet))
         end do
       end associate
     end do

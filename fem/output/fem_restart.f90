@@ -226,6 +226,7 @@ contains
       call file%put('/state/liquid', [e%liquid, e%darcy, e%flow, b%content, b%numerical, &
                                       b%through, b%entered, b%rate], errors)
       call file%put('/state/liquid_start', body%pore%start, errors)
+      if (body%pore%unsaturated) call file%put('/state/liquid_kept', b%kept, errors)
     end associate
   end subroutine put_liquid
 
@@ -239,6 +240,7 @@ contains
     allocate (values(6 + 2*n))
     call file%get_into('/state/liquid', values, errors)
     call file%get_into('/state/liquid_start', body%pore%start, errors)
+    if (body%pore%unsaturated) call file%get('/state/liquid_kept', body%pore%books%kept, errors)
     if (errors%any()) return
     associate (e => body%energy, b => body%pore%books)
       e%liquid = values(1)

@@ -23,6 +23,9 @@ contains
     type(error_list_type), intent(inout) :: errors
     logical :: dry
     integer(i4) :: k
+    if (body%pore%unsaturated) call errors%add('D476', 'unsaturated pores share no liquid', &
+      'set '//name, "take full pores, retention = 'none', or set permeable = .false.")
+    if (errors%any()) return
     do k = 1, size(ids)
       dry = .not. body%pore%active
       if (.not. dry) dry = ids(k) < 1 .or. ids(k) > body%mesh%nodes
@@ -46,6 +49,11 @@ contains
     if (.not. body%pore%active) then
       call errors%add('D452', 'the solid has no liquid in its pores', 'exchange port, DESCRIBE', &
                       'add &pore to its deck, or set permeable = .false.')
+      return
+    end if
+    if (body%pore%unsaturated) then
+      call errors%add('D476', 'unsaturated pores share no liquid', 'exchange port, DESCRIBE', &
+                      "take full pores, retention = 'none', or set permeable = .false.")
       return
     end if
     most = largest_around(body)

@@ -1255,7 +1255,7 @@ contains
 
   subroutine group_pore(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pore', 8, &
+    call table%add_group('pore', 22, &
       'The pores of a material and the liquid that fills them: its elements have a pore' &
       //' pressure p at their corner nodes, compression positive. The stress of the law ' &
       //'is the effective one, `density` of the material is that of the dry solid, (1 - ' &
@@ -1301,7 +1301,111 @@ contains
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call group_pore_2(table)
   end subroutine group_pore
+
+  subroutine group_pore_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('retention', 'string', '', &
+      'Saturation under suction s = -p: `none`, the pores stay full; or S = residual + ' &
+      //'(1 - residual) S_e(s) with S_e = [1 + (a s)^nu]^(1/nu - 1), (s_b/s)^lambda, ' &
+      //'exp(-a s), 1 - a s^b or that of a table. For `static` alone.')
+    call table%preset('none')
+    call table%allow('none|van_genuchten|brooks_corey|gardner|power|table')
+    call table%add_key('residual', 'real', '', &
+      'Residual saturation, which suction does not take.')
+    call table%preset('0.01')
+    call table%bounds(min=0.0_wp, below=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('retention', 'van_genuchten|brooks_corey|gardner|power|table')
+    call table%add_key('van_genuchten', 'real', '', 'a [1/Pa] and nu > 1 of `van_genuchten`.')
+    call table%need()
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('retention', 'van_genuchten')
+    call table%add_key('brooks_corey', 'real', '', &
+      'Entry suction s_b [Pa] and lambda of `brooks_corey`.')
+    call table%need()
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('retention', 'brooks_corey')
+    call table%add_key('gardner', 'real', '1/Pa', 'a of `gardner`.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000.0_wp)
+    call table%only_with('retention', 'gardner')
+    call table%add_key('power', 'real', '', 'a [Pa^-b] and b of `power`.')
+    call table%need()
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('retention', 'power')
+    call table%add_key('suctions', 'real', 'Pa', &
+      'Suctions of `table`, the first one 0, rising.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%only_with('retention', 'table')
+    call group_pore_3(table)
+  end subroutine group_pore_2
+
+  subroutine group_pore_3(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('saturations', 'real', '', &
+      'S_e at the suctions, the first one 1, not rising; monotone cubics pass them, ' &
+      //'beyond the last one it stays.')
+    call table%need()
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('retention', 'table')
+    call table%add_key('relative', 'string', '', &
+      'Permeability over that of full pores, at least 1e-6: `own` of the retention ' &
+      //'(mualem of van_genuchten, corey with 3 + 2/lambda of brooks_corey, gardner with ' &
+      //'the same a, table; power has none); or `mualem`, `corey` S_e^d, `gardner` exp(-c' &
+      //' s), `power` 1 - c (1 - S_e)^d, `table`.')
+    call table%preset('own')
+    call table%allow('own|mualem|corey|gardner|power|table')
+    call table%only_with('retention', 'van_genuchten|brooks_corey|gardner|power|table')
+    call table%choice_with('mualem', 'retention', 'van_genuchten')
+    call table%choice_with('table', 'retention', 'table')
+    call table%add_key('corey', 'real', '', 'd of `relative = ''corey''`.')
+    call table%preset('4.0')
+    call table%bounds(min=1.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%only_with('relative', 'corey')
+    call table%add_key('relative_gardner', 'real', '1/Pa', 'c of `relative = ''gardner''`.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000.0_wp)
+    call table%only_with('relative', 'gardner')
+    call table%add_key('relative_power', 'real', '', 'c and d of `relative = ''power''`.')
+    call table%need()
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('relative', 'power')
+    call table%add_key('relative_permeabilities', 'real', '', &
+      'Relative permeability at the suctions of `relative = ''table''`, the first one 1, ' &
+      //'not rising.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(min=0.0_wp, max=1.0_wp)
+    call table%magnitude(0.0_wp, 1.0_wp)
+    call table%only_with('retention', 'table')
+    call group_pore_4(table)
+  end subroutine group_pore_3
+
+  subroutine group_pore_4(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('bishop', 'string', '', &
+      'Bishop''s factor chi in total stress = effective stress - biot chi p: S, or S_e.')
+    call table%preset('saturation')
+    call table%allow('saturation|effective')
+    call table%only_with('retention', 'van_genuchten|brooks_corey|gardner|power|table')
+  end subroutine group_pore_4
 
   subroutine group_pore_pressure(table)
     type(key_table_type), intent(inout) :: table

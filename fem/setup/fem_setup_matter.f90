@@ -199,7 +199,7 @@ contains
     lift = 0.0_wp
     if (.not. body%pore%active) return
     if (body%pore%skeleton_of(e) > 0) lift = body%pore%skeleton(body%pore%skeleton_of(e))%biot &
-      *body%pore%pressure_at(body%dofs, body%elastic, body%accepted%u, e, &
+      *body%pore%borne_at(body%dofs, body%elastic, body%accepted%u, e, &
         p - body%elastic%point(e) + 1)
   end function lift
 

@@ -12,7 +12,9 @@ module fem_setup_pore
   use fem_mesh, only: find_group, group_hint
   use fem_pore_element, only: fem_skeleton_type, constant_permeability, kozeny_carman, by_void_ratio
   use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
+  use fem_setup_retention, only: read_retention
   use fem_types, only: fem_load_type, group_facet, group_node, group_volume
+  use fem_unsaturated, only: has_retention
   implicit none
   private
   public :: read_skeletons, number_wet, read_liquid
@@ -60,8 +62,10 @@ contains
         body%elastic%density(k) = body%elastic%density(k) + s%porosity*s%density
       end associate
     end do
-    body%matter%symmetric = .not. body%scheme%dynamic  ! the liquid's inertia is in one row alone
-    body%pore%constant = deck%count('seepage') == 0 .and. &
+    body%pore%unsaturated = any(has_retention(body%pore%skeleton))
+    ! the liquid's inertia is in one row alone, and so is what suction empties
+    body%matter%symmetric = .not. (body%scheme%dynamic .or. body%pore%unsaturated)
+    body%pore%constant = deck%count('seepage') == 0 .and. .not. body%pore%unsaturated .and. &
       all(body%pore%skeleton%law == constant_permeability)
     do m = 1, size(body%matter%law)
       if (any(body%matter%law_of == m)) &
@@ -76,12 +80,19 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: kinds(3) = [character(len=7) :: 'static', 'newmark', 'hht']
     character(len=:), allocatable :: kind, text
+    integer(i4) :: k
     call deck%get('analysis', 1, 'kind', kind)
     if (all(kinds /= kind)) then
       call deck%fault(errors, 'D446', "kind = '"//kind//"' has no pore pressures", 'analysis', 1, &
         'kind', "take kind = 'static', consolidation in time, or 'newmark' or 'hht'")
       return
     end if
+    do k = 1, deck%count('pore')
+      call deck%get('pore', k, 'retention', text)
+      if (text /= 'none' .and. kind /= 'static') call deck%fault(errors, 'D476', &
+        'unsaturated pores have no dynamics', 'pore', k, 'retention', &
+        "take kind = 'static', or full pores, retention = 'none'")
+    end do
     call deck%get('analysis', 1, 'continuation', text)
     if (text /= 'load') call deck%fault(errors, 'D446', &
       'a path by arc length has no times, consolidation needs them', 'analysis', 1, &
@@ -141,8 +152,9 @@ contains
     skeleton%storage = skeleton%porosity*air/atmosphere
     if (bulk > 0.0_wp) skeleton%storage = skeleton%storage &
       + skeleton%porosity*(1.0_wp - air)/bulk
-    if (solid > 0.0_wp) skeleton%storage = skeleton%storage &
-      + (skeleton%biot - skeleton%porosity)/solid
+    if (solid > 0.0_wp) skeleton%grains = (skeleton%biot - skeleton%porosity)/solid
+    skeleton%storage = skeleton%storage + skeleton%grains
+    call read_retention(deck, k, skeleton%retention, errors)
   end subroutine read_skeleton
 
   !> Number of the &material of &pore k; D443 where there is none, or it has pores already.

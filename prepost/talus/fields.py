@@ -30,7 +30,8 @@ ALWAYS = ("id", "kind", "x", "quat", "axes")  # datasets of every step of grains
 STRESSES = ("stress", "couple_stress", "micro_stress")
 # datasets of solids that are no means over elements: as talus-fem writes them
 OF_NODES = frozenset(
-    ["u", "v", "reaction", "phi", "phi_rate", "reaction_couple", "reaction_phi", "pore_pressure"]
+    ["u", "v", "reaction", "phi", "phi_rate", "reaction_couple", "reaction_phi"]
+    + ["pore_pressure", "excess_pressure"]
     + [f"{name}_nodal" for name in STRESSES]
 )
 OF_POINTS = frozenset(["points_x", "state_points"] + [f"{name}_points" for name in STRESSES])
