@@ -167,10 +167,7 @@ contains
     real(wp), allocatable :: nodal(:, :), volume(:, :)
     integer(i4) :: c, k
     if (.not. self%active) return
-    if (self%unsaturated) then
-      self%tried_from = old
-      self%tried = moved
-    end if
+    call self%note_trial(old, moved)
     allocate (nodal(3, size(dofs%block)), volume(2, size(dofs%wet)), source=0.0_wp)
     !$omp parallel do default(none) private(c) schedule(dynamic) &
     !$omp shared(self, mesh, dofs, elastic, old, moved, nodal, volume)
@@ -308,18 +305,31 @@ contains
           call flow_matrix(self%kept(e), self%pervious(e), self%step, coupling, flow)
         else
           call shape_of(self, mesh, elastic, e, rule, wet)
-          if (has_retention(self%skeleton(self%skeleton_of(e)))) then
-            call moist_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, &
-              self%change_of(dofs, elastic, e, self%tried_from, self%tried), coupling, flow)
-          else
-            call wet_matrix(elastic%rule(rule), self%solid_of(e), wet, self%step, coupling, flow)
-          end if
+          call element_matrix(self, dofs, elastic, wet, e, coupling, flow)
         end if
         call add_flow(dofs%block(dofs%start(e):dofs%start(e) + n - 1), &
           dofs%wet(dofs%wet_start(e):dofs%wet_start(e + 1) - 1), pattern, coupling, flow, k, lower)
       end associate
     end do
   end subroutine add_matrix
+
+  !> Matrix of element e at its points.
+  subroutine element_matrix(self, dofs, elastic, wet, e, coupling, flow)
+    class(fem_pore_type), intent(in) :: self
+    type(fem_dofs_type), intent(in) :: dofs
+    type(fem_elastic_type), intent(in) :: elastic
+    type(fem_wet_type), intent(in) :: wet
+    integer(i4), intent(in) :: e
+    real(wp), intent(out) :: coupling(:, :, :), flow(:, :)
+    associate (rule => elastic%rule(elastic%rule_of(e)))
+      if (has_retention(self%skeleton(self%skeleton_of(e)))) then
+        call moist_matrix(rule, self%solid_of(e), wet, self%step, &
+          self%change_of(dofs, elastic, e, self%tried_from, self%tried), coupling, flow)
+      else
+        call wet_matrix(rule, self%solid_of(e), wet, self%step, coupling, flow)
+      end if
+    end associate
+  end subroutine element_matrix
 
   !> Energies of a step to the state `u`, and the content there beyond that of the start [m^3].
   subroutine account(self, mesh, dofs, elastic, old, u, energy)

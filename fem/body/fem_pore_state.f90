@@ -62,6 +62,7 @@ module fem_pore_state
     procedure :: store_beside
     procedure :: kept_beside
     procedure :: solid_of
+    procedure :: note_trial
     procedure :: enter
     procedure :: accept
   end type fem_pore_state_type
@@ -237,6 +238,15 @@ contains
     solid = self%skeleton(self%skeleton_of(e))
     solid%mobility = self%pervious(e)*solid%mobility
   end function solid_of
+
+  !> The trial whose slopes the next matrix has, where they depend on it.
+  subroutine note_trial(self, old, moved)
+    class(fem_pore_state_type), intent(inout) :: self
+    real(wp), intent(in) :: old(:, :), moved(:, :)  !! (3, blocks)
+    if (.not. self%unsaturated) return
+    self%tried_from = old
+    self%tried = moved
+  end subroutine note_trial
 
   !> Book what entered in the step; `raw` has the volume that the held nodes gave [m^3].
   subroutine enter(self, raw)
