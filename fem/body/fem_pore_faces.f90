@@ -25,7 +25,7 @@ module fem_pore_faces
   end type fem_inflow_type
 
   !> Faces that let liquid out by c (p - outside), shared out to their nodes; of a seepage face
-  !! only outward.
+  !! only outward, of infiltration inward at most as fast as it rains.
   type :: fem_leak_type
     character(len=name_length) :: name = ''
     integer(i4) :: curve = 0                !! of the pressure outside
@@ -35,13 +35,16 @@ module fem_pore_faces
     real(wp) :: rate = 0.0_wp               !! inflow in the step [m^3/s]
     integer(i4), allocatable :: block(:)
     real(wp), allocatable :: conductance(:) !! c times the share of the area [m^3/(Pa s)]
-    logical, allocatable :: open(:)         !! liquid passes in the trial
+    logical, allocatable :: open(:)         !! what passes in the trial depends on the pressure
+    integer(i4) :: rain = 0                 !! curve of the most that enters, 0: constant
+    real(wp) :: raining = 1.0_wp            !! factor of that in the step
+    real(wp), allocatable :: most(:)        !! that enters of infiltration [m^3/s]
   end type fem_leak_type
 
 contains
 
-  !> Add the inflow of the leaks for pressures at the start and the end of a step, and the sizes of
-  !! what a balance sums.
+  !> Add the inflow of the leaks (eq. F.89) for pressures at the start and the end of a step, and
+  !! the sizes of what a balance sums.
   pure subroutine let_in(leak, step, start, after, rate, gross)
     type(fem_leak_type), intent(inout) :: leak(:)
     type(fem_flow_step_type), intent(in) :: step
@@ -55,8 +58,7 @@ contains
         do a = 1, size(l%block)
           inward = l%conductance(a)*(l%now - theta*after(l%block(a)) &
                                      - (1.0_wp - theta)*start(l%block(a)))
-          l%open(a) = .not. l%one_way .or. inward < 0.0_wp
-          if (.not. l%open(a)) cycle
+          call restrain(l, a, inward)
           rate(l%block(a)) = rate(l%block(a)) + inward
           gross(l%block(a)) = gross(l%block(a)) + abs(step%dt*inward)
           l%rate = l%rate + inward
@@ -64,6 +66,19 @@ contains
       end associate
     end do
   end subroutine let_in
+
+  !> Bound the inflow of node a [m^3/s], and say whether it still depends on the pressure.
+  pure subroutine restrain(leak, a, inward)
+    type(fem_leak_type), intent(inout) :: leak
+    integer(i4), intent(in) :: a
+    real(wp), intent(inout) :: inward
+    real(wp) :: most
+    if (.not. (leak%one_way .or. allocated(leak%most))) return
+    most = 0.0_wp
+    if (allocated(leak%most)) most = leak%raining*leak%most(a)
+    leak%open(a) = inward < most
+    inward = min(inward, most)
+  end subroutine restrain
 
   !> Add the slopes of the leaks to a matrix.
   pure subroutine add_leaks(leak, step, pattern, k)

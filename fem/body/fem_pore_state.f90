@@ -150,6 +150,8 @@ contains
         l%now = l%outside
         if (l%curve > 0) l%now = l%outside*(theta*curve(l%curve)%at(t1) &
           + (1.0_wp - theta)*curve(l%curve)%at(t0))
+        if (l%rain > 0) l%raining = theta*curve(l%rain)%at(t1) &
+          + (1.0_wp - theta)*curve(l%rain)%at(t0)
       end associate
     end do
   end subroutine begin

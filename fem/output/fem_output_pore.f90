@@ -9,6 +9,7 @@ module fem_output_pore
   use talus_xdmf, only: xdmf_type, xdmf_node, xdmf_cell
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
+  use fem_pore_faces, only: fem_leak_type
   implicit none
   private
   public :: describe_pore, put_pore, pore_ledger, pore_titles, write_pore, balance_error
@@ -103,8 +104,7 @@ contains
       call name_columns(trim(body%pore%inflow(k)%name))
     end do
     do k = 1, size(body%pore%leak)
-      call name_columns(trim(body%pore%leak(k)%name)// &
-                        trim(merge(' seepage', ' leak   ', body%pore%leak(k)%one_way)))
+      call name_columns(trim(body%pore%leak(k)%name)//kind_of(body%pore%leak(k)))
     end do
 
   contains
@@ -115,6 +115,15 @@ contains
       call append_string(columns, name//' inflow [m3/s]')
     end subroutine name_columns
   end function pore_titles
+
+  !> What a leak is, in titles.
+  pure function kind_of(leak) result(kind)
+    type(fem_leak_type), intent(in) :: leak
+    character(len=:), allocatable :: kind
+    kind = ' leak'
+    if (leak%one_way) kind = ' seepage'
+    if (allocated(leak%most)) kind = ' infiltration'
+  end function kind_of
 
   !> The row of the accepted state: content gained since the start, what entered less that, and of
   !! each boundary what entered and how fast in the last step.

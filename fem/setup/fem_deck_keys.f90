@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-fem.
   subroutine fem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-fem', 43)
+    call table%init('talus-fem', 44)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -43,6 +43,7 @@ contains
     call group_well(table)
     call group_leak(table)
     call group_seepage(table)
+    call group_infiltration(table)
     call group_submerged(table)
     call group_water_table(table)
     call group_initial_stress(table)
@@ -1255,7 +1256,7 @@ contains
 
   subroutine group_pore(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('pore', 22, &
+    call table%add_group('pore', 23, &
       'The pores of a material and the liquid that fills them: its elements have a pore' &
       //' pressure p at their corner nodes, compression positive. The stress of the law ' &
       //'is the effective one, `density` of the material is that of the dry solid, (1 - ' &
@@ -1306,6 +1307,11 @@ contains
 
   subroutine group_pore_2(table)
     type(key_table_type), intent(inout) :: table
+    call table%add_key('drained', 'string', '', &
+      '`no`: liquid does not flow in this material, whatever its permeability: ' &
+      //'undrained response by intent.')
+    call table%preset('flow')
+    call table%allow('flow|no')
     call table%add_key('retention', 'string', '', &
       'Saturation under suction s = -p: `none`, the pores stay full; or S = residual + ' &
       //'(1 - residual) S_e(s) with S_e = [1 + (a s)^nu]^(1/nu - 1), (s_b/s)^lambda, ' &
@@ -1342,6 +1348,11 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('retention', 'power')
+    call group_pore_3(table)
+  end subroutine group_pore_2
+
+  subroutine group_pore_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('suctions', 'real', 'Pa', &
       'Suctions of `table`, the first one 0, rising.')
     call table%need()
@@ -1349,11 +1360,6 @@ contains
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1e+36_wp)
     call table%only_with('retention', 'table')
-    call group_pore_3(table)
-  end subroutine group_pore_2
-
-  subroutine group_pore_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('saturations', 'real', '', &
       'S_e at the suctions, the first one 1, not rising; monotone cubics pass them, ' &
       //'beyond the last one it stays.')
@@ -1388,6 +1394,11 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
     call table%only_with('relative', 'power')
+    call group_pore_4(table)
+  end subroutine group_pore_3
+
+  subroutine group_pore_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('relative_permeabilities', 'real', '', &
       'Relative permeability at the suctions of `relative = ''table''`, the first one 1, ' &
       //'not rising.')
@@ -1395,11 +1406,6 @@ contains
     call table%bounds(min=0.0_wp, max=1.0_wp)
     call table%magnitude(0.0_wp, 1.0_wp)
     call table%only_with('retention', 'table')
-    call group_pore_4(table)
-  end subroutine group_pore_3
-
-  subroutine group_pore_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('bishop', 'string', '', &
       'Bishop''s factor chi in total stress = effective stress - biot chi p: S, or S_e.')
     call table%preset('saturation')
@@ -1485,6 +1491,29 @@ contains
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
   end subroutine group_seepage
+
+  subroutine group_infiltration(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('infiltration', 4, &
+      'A face on which it rains: liquid enters at a rate until the pressure there is ' &
+      //'that under a pond, which is then held as long as less enters. Where more liquid ' &
+      //'comes from below it leaves. It is a face as that of `&seepage`.', repeats=.true.)
+    call table%add_key('group', 'string', '', 'Facet group.')
+    call table%need()
+    call table%add_key('rate', 'real', 'm/s', 'Volume by area and time that enters at most.')
+    call table%need()
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 100000000.0_wp)
+    call table%add_key('curve', 'string', '', &
+      'Id of a curve that scales the rate; without one it is constant.')
+    call table%preset('')
+    call table%add_key('pond', 'real', 'm', &
+      'Depth of the liquid that stands on the face before more runs off; its weight is ' &
+      //'no load of the solid.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+  end subroutine group_infiltration
 
   subroutine group_submerged(table)
     type(key_table_type), intent(inout) :: table

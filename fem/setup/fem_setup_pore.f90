@@ -1,5 +1,5 @@
-!> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &leak, &seepage,
-!! &well, &submerged, &water_table.
+!> The liquid in the pores from the deck: &fluid, &pore, &pore_pressure, &flux, &well, &submerged,
+!! &water_table. Leaks: fem_setup_leaks.
 module fem_setup_pore
   use talus_kinds, only: wp, i4
   use talus_text, only: str
@@ -8,10 +8,11 @@ module fem_setup_pore
   use talus_deck, only: deck_type
   use fem_body, only: fem_body_type
   use fem_dofs, only: number_pressures
-  use fem_loads, only: couple_force, pressure_force
+  use fem_loads, only: pressure_force
   use fem_mesh, only: find_group, group_hint
   use fem_pore_element, only: fem_skeleton_type, constant_permeability, kozeny_carman, by_void_ratio
-  use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
+  use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type
+  use fem_setup_leaks, only: read_leaks, under_head, wet_shares
   use fem_setup_retention, only: read_retention
   use fem_types, only: fem_load_type, group_facet, group_node, group_volume
   use fem_unsaturated, only: has_retention
@@ -19,8 +20,8 @@ module fem_setup_pore
   private
   public :: read_skeletons, number_wet, read_liquid
 
-  character(len=*), parameter :: groups(7) = [character(len=14) :: 'pore_pressure', 'flux', &
-    'well', 'leak', 'seepage', 'submerged', 'water_table']
+  character(len=*), parameter :: groups(8) = [character(len=14) :: 'pore_pressure', 'flux', &
+    'well', 'leak', 'seepage', 'infiltration', 'submerged', 'water_table']
 
   real(wp), parameter :: atmosphere = 101325.0_wp  !! of air at constant temperature [Pa]
 
@@ -65,7 +66,8 @@ contains
     body%pore%unsaturated = any(has_retention(body%pore%skeleton))
     ! the liquid's inertia is in one row alone, and so is what suction empties
     body%matter%symmetric = .not. (body%scheme%dynamic .or. body%pore%unsaturated)
-    body%pore%constant = deck%count('seepage') == 0 .and. .not. body%pore%unsaturated .and. &
+    body%pore%constant = deck%count('seepage') + deck%count('infiltration') == 0 .and. &
+      .not. body%pore%unsaturated .and. &
       all(body%pore%skeleton%law == constant_permeability)
     do m = 1, size(body%matter%law)
       if (any(body%matter%law_of == m)) &
@@ -149,6 +151,8 @@ contains
     if (errors%any()) return
     skeleton%mobility = permeability(1)/viscosity
     if (size(permeability) == 3) skeleton%mobility = permeability/viscosity
+    call deck%get('pore', k, 'drained', name)
+    if (name == 'no') skeleton%mobility = 0.0_wp
     skeleton%storage = skeleton%porosity*air/atmosphere
     if (bulk > 0.0_wp) skeleton%storage = skeleton%storage &
       + skeleton%porosity*(1.0_wp - air)/bulk
@@ -276,12 +280,7 @@ contains
     do k = 1, deck%count('well')
       call read_well(deck, body, k, errors)
     end do
-    do k = 1, deck%count('leak')
-      call read_leak(deck, body, k, errors)
-    end do
-    do k = 1, deck%count('seepage')
-      call read_seepage(deck, body, k, errors)
-    end do
+    call read_leaks(deck, body, errors)
   end subroutine read_liquid
 
   !> Nodes with a pressure of the group that an instance names; fault D447 where there are none.
@@ -390,30 +389,6 @@ contains
     call body%loads%append(load)
   end subroutine read_submerged
 
-  !> Pressures of all nodes under a level head [m]; fault D448 where gravity or the liquid is not
-  !! one.
-  subroutine under_head(deck, body, group, k, head, p, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(in) :: body
-    character(len=*), intent(in) :: group
-    integer(i4), intent(in) :: k
-    real(wp), intent(in) :: head
-    real(wp), allocatable, intent(out) :: p(:)  !! (nodes) [Pa]
-    type(error_list_type), intent(inout) :: errors
-    associate (g => body%loads%gravity, s => body%pore%skeleton)
-      allocate (p(body%mesh%nodes), source=0.0_wp)
-      if (.not. norm2(g) > 0.0_wp) then
-        call deck%fault(errors, 'D448', 'a head needs a gravity', group, k, '', &
-          'add gravity to &run, or give a pressure')
-      else if (maxval(s%density) - minval(s%density) > 0.0_wp) then
-        call deck%fault(errors, 'D448', 'a head needs one density of the liquid', group, k, '', &
-          'give a pressure where liquids differ')
-      else
-        p = s(1)%density*(norm2(g)*head + matmul(g, body%mesh%x))
-      end if
-    end associate
-  end subroutine under_head
-
   !> Pressure at the start under &water_table, none above it.
   subroutine begin_under(deck, body, errors)
     type(deck_type), intent(in) :: deck
@@ -430,32 +405,6 @@ contains
       body%accepted%u(1, body%dofs%p(n)) = p(n)
     end do
   end subroutine begin_under
-
-  !> Shares of a value per area of the nodes of the facets that an instance of a group names; fault
-  !! D447 where a facet has no pressures.
-  subroutine wet_shares(deck, body, group, k, value, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(in) :: body
-    character(len=*), intent(in) :: group
-    integer(i4), intent(in) :: k
-    real(wp), intent(inout) :: value(:)  !! (blocks): in the first, the value; out, the shares
-    type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: name
-    real(wp) :: shares(3, body%dofs%blocks)
-    integer(i4) :: g, missing
-    call deck%get(group, k, 'group', name)
-    g = find_group(body%mesh, name, [group_facet])
-    if (g == 0) call deck%fault(errors, 'D301', "the mesh has no facet group '"//name//"'", &
-      group, k, 'group', group_hint(body%mesh, name, [group_facet]))
-    if (errors%any()) return
-    shares = 0.0_wp
-    call couple_force(body%mesh, body%mesh%group(g), body%dofs%p, [value(1), 0.0_wp, 0.0_wp], &
-                      shares, missing)
-    if (missing > 0) call deck%fault(errors, 'D447', 'node '//str(missing)//" of '"//name// &
-      "' has no pressure", group, k, 'group', 'liquid passes faces of elements whose material '// &
-      'has a &pore')
-    value = shares(1, :)
-  end subroutine wet_shares
 
   !> A &flux through facets.
   subroutine read_flux(deck, body, k, errors)
@@ -514,67 +463,4 @@ contains
     call move_alloc(longer, body%pore%inflow)
   end subroutine append_inflow
 
-  !> A &leak: c (p - outside) by area.
-  subroutine read_leak(deck, body, k, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
-    integer(i4), intent(in) :: k
-    type(error_list_type), intent(inout) :: errors
-    type(fem_leak_type) :: leak
-    character(len=:), allocatable :: name
-    real(wp) :: share(body%dofs%blocks)
-
-    call deck%get('leak', k, 'group', name)
-    call deck%get('leak', k, 'coefficient', share(1))
-    call deck%get('leak', k, 'pressure', leak%outside)
-    call curve_index(deck, 'D303', body%loads%curve, 'leak', k, leak%curve, errors)
-    call wet_shares(deck, body, 'leak', k, share, errors)
-    if (errors%any()) return
-    leak%name = name
-    call append_leak(body, leak, share)
-  end subroutine read_leak
-
-  !> A &seepage face: a leak to the atmosphere that only lets out, and far more pervious than the
-  !! elements: p is wrong by a ten-thousandth of its change over one of them.
-  subroutine read_seepage(deck, body, k, errors)
-    type(deck_type), intent(in) :: deck
-    type(fem_body_type), intent(inout) :: body
-    integer(i4), intent(in) :: k
-    type(error_list_type), intent(inout) :: errors
-    real(wp), parameter :: pervious = 1.0e4_wp
-    type(fem_leak_type) :: leak
-    character(len=:), allocatable :: name
-    real(wp) :: share(body%dofs%blocks), size_of, most
-    integer(i4) :: s
-
-    call deck%get('seepage', k, 'group', name)
-    share(1) = 1.0_wp
-    call wet_shares(deck, body, 'seepage', k, share, errors)
-    if (errors%any()) return
-    most = 0.0_wp
-    do s = 1, size(body%pore%skeleton)
-      most = max(most, maxval(body%pore%skeleton(s)%mobility))
-    end do
-    size_of = sqrt(sum(share)/count(share > 0.0_wp))
-    leak%name = name
-    leak%one_way = .true.
-    call append_leak(body, leak, pervious*most/size_of*share)
-  end subroutine read_seepage
-
-  !> One leak more, with its conductances at the blocks.
-  subroutine append_leak(body, leak, share)
-    type(fem_body_type), intent(inout) :: body
-    type(fem_leak_type), intent(inout) :: leak
-    real(wp), intent(in) :: share(:)
-    type(fem_leak_type), allocatable :: longer(:)
-    integer(i4) :: n, b
-    leak%block = pack([(b, b=1, body%dofs%blocks)], share > 0.0_wp)
-    leak%conductance = pack(share, share > 0.0_wp)
-    allocate (leak%open(size(leak%block)), source=.not. leak%one_way)
-    n = int(size(body%pore%leak), i4)
-    allocate (longer(n + 1))
-    longer(:n) = body%pore%leak
-    longer(n + 1) = leak
-    call move_alloc(longer, body%pore%leak)
-  end subroutine append_leak
 end module fem_setup_pore

@@ -16,6 +16,7 @@ TIMES = (3600.0, 10800.0, 36000.0)
 # pressure heads at z = 0.5 m and TIMES, of another program of the same series [m]
 HALF_WAY = (-0.349330914104, -0.174553745462, -0.0487585231714)
 MOST_CORRECTIONS = 6
+RAIN, POND = 2.7e-5, 0.1
 
 
 def roots(terms: int) -> np.ndarray:
@@ -129,8 +130,32 @@ def judge_order(case: Case) -> None:
                 0.3)  # fmt: skip
 
 
+def judge_rain(case: Case) -> None:
+    """Judge rain that never ponds against the same flux, and heavy rain that stands as a pond."""
+    flux = "&flux     group = 'z1', value = 1.0e-6"
+    short = {"T_END": START + 3600.0, "STEPS": "dt = 300.0", "OUTPUT": 3600.0}
+    plain = run_column(case, "hex8_bbar", 10, "flux", **short)
+    rain = flux.replace("&flux", "&infiltration").replace("value", "rate")
+    rains = run_column(case, "hex8_bbar", 10, "rain", **short, **{flux: rain})
+    p, q = (field_steps(s.with_suffix(".h5"))[-1].solid["pore_pressure"] for s in (plain, rains))
+    case.below("rain against a flux, difference of the pressure / least", float(
+        np.abs(p - q).max() / np.abs(p).max()), 1e-12)  # fmt: skip
+    heavy = {flux: rain.replace("1.0e-6", f"{RAIN / 9!r}, pond = {POND!r}")}
+    long = {"T_END": START + TIMES[-1], "STEPS": "dt = 15.0, step_error = 1.0e-3", "OUTPUT": 3600.0}
+    stem = run_column(case, "hex8_bbar", 10, "pond", **long, **heavy)
+    books = read_history(Path(f"{stem}_pore.csv"))
+    inflow = books["z1 infiltration inflow"] / 0.01
+    late = books["time"] > START
+    case.metric("pond: first inflow / rain", float(inflow[late][0] / RAIN), 1.0, 1e-12)
+    steady = CONDUCTIVITY * (HEIGHT + POND) / HEIGHT
+    case.metric("pond: steady flow / exact", float(inflow[-1] / steady), 1.0, 1e-4)
+    z = heights("hex8_bbar", 10, case)
+    top = field_steps(stem.with_suffix(".h5"))[-1].solid["pore_pressure"][np.isclose(z, HEIGHT)]
+    case.metric("pond: head / depth", float(top.mean() / WEIGHT / POND), 1.0, 1e-3)
+
+
 def run(case: Case) -> None:
-    """Judge columns and order; plot suctions and flow."""
+    """Judge columns, order and rain; plot suctions and flow."""
     series = [float(np.log(relative(np.array([0.5]), t))[0]) / GARDNER for t in TIMES]
     off = max_of(abs(a - b) for a, b in zip(series, HALF_WAY, strict=True))
     case.below("series against another program [m]", off, 1e-10)
@@ -140,6 +165,7 @@ def run(case: Case) -> None:
     for element in ("hex20", "hex8_bbar"):
         judge_column(case, element, ax, bx)
     judge_order(case)
+    judge_rain(case)
     ax.set(xlabel="pressure head [m]", ylabel="height [m]", title="1, 3 and 10 h")
     bx.set(xlabel="time [s]", ylabel="flow at the table [m/s]")
     case.save(fig)
