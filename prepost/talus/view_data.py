@@ -28,6 +28,7 @@ NAMES = {
     "force": "force [N]", "moment": "moment [N m]", "coordination": "contacts of a grain [-]",
     "size": "mean semi-axis [m]", "u": "displacement [m]", "reaction": "reaction [N]",
     "stress_nodal": "von Mises stress [Pa]", "pore_pressure": "pore pressure [Pa]",
+    "excess_pressure": "excess pore pressure [Pa]", "saturation": "saturation [-]",
 }  # fmt: skip
 
 

@@ -21,10 +21,12 @@ program test_fem_pore_faces
 
 contains
 
-  !> A face of one node that conducts 1/4 to a pressure of 3 (seepage: 3 as well), at most `rain`.
-  type(fem_leak_type) function face_of(one_way, rain) result(face)
+  !> A face of one node that conducts 1/4 to a pressure of 3, at most `rain` inward.
+  function face_of(one_way, rain) result(face)
     logical, intent(in) :: one_way
     real(wp), intent(in) :: rain
+    type(fem_leak_type), allocatable :: face
+    allocate (face)
     face%one_way = one_way
     face%now = 3.0_wp
     face%block = [1_i4]
