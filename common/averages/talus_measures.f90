@@ -16,9 +16,12 @@ module talus_measures
   private
   public :: request_type, measure_columns, measure_row, moduli_columns, moduli_row, contacts_of
   public :: micro_columns, micro_row
+  public :: add_titles, add_tensor, region_now, nine_parts, six_parts, row9, row6, pressure_of, &
+    solid_content
 
-  character(len=2), parameter :: nine(9) = ['xx', 'xy', 'xz', 'yx', 'yy', 'yz', 'zx', 'zy', 'zz']
-  character(len=2), parameter :: six(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'zx']
+  character(len=2), parameter :: nine_parts(9) = ['xx', 'xy', 'xz', 'yx', 'yy', 'yz', 'zx', &
+                                                    'zy', 'zz']
+  character(len=2), parameter :: six_parts(6) = ['xx', 'yy', 'zz', 'xy', 'yz', 'zx']
   real(wp), parameter :: pi = acos(-1.0_wp)
 
   !> What is wanted of a region.
@@ -36,22 +39,22 @@ contains
     type(string_type), allocatable, intent(out) :: names(:)
 
     allocate (names(0))
-    call add(names, 'time [s],volume [m3],grains [-],contacts [-],solid_fraction [-],')
-    call add(names, 'density [kg/m3],micro_inertia [m2],coordination [-],')
-    call add(names, 'mechanical_coordination [-],rattlers [-],sliding [-],')
-    call add_tensor(names, 'stress', 'Pa', nine)
-    call add(names, 'pressure [Pa],deviator [Pa],skew [Pa],kinetic_pressure [Pa],')
-    call add_tensor(names, 'couple_stress', 'N/m', nine)
-    call add_tensor(names, 'fabric_contact', '-', six)
-    call add_tensor(names, 'fabric_branch', '-', six)
-    call add(names, 'branch_length [m],')
-    call add_tensor(names, 'fabric_short_axis', '-', six)
-    call add_tensor(names, 'fabric_long_axis', '-', six)
-    call add_tensor(names, 'velocity_gradient', '1/s', nine)
-    call add(names, 'shear_rate [1/s],inertial_number [-],')
-    call add(names, 'affine_bulk [Pa],affine_shear [Pa],affine_lambda [Pa],affine_mu [Pa],')
-    call add(names, 'affine_kappa [Pa],affine_alpha [N],affine_beta [N],affine_gamma [N],')
-    call add(names, 'coupling_number [-],bending_length [m],')
+    call add_titles(names, 'time [s],volume [m3],grains [-],contacts [-],solid_fraction [-],')
+    call add_titles(names, 'density [kg/m3],micro_inertia [m2],coordination [-],')
+    call add_titles(names, 'mechanical_coordination [-],rattlers [-],sliding [-],')
+    call add_tensor(names, 'stress', 'Pa', nine_parts)
+    call add_titles(names, 'pressure [Pa],deviator [Pa],skew [Pa],kinetic_pressure [Pa],')
+    call add_tensor(names, 'couple_stress', 'N/m', nine_parts)
+    call add_tensor(names, 'fabric_contact', '-', six_parts)
+    call add_tensor(names, 'fabric_branch', '-', six_parts)
+    call add_titles(names, 'branch_length [m],')
+    call add_tensor(names, 'fabric_short_axis', '-', six_parts)
+    call add_tensor(names, 'fabric_long_axis', '-', six_parts)
+    call add_tensor(names, 'velocity_gradient', '1/s', nine_parts)
+    call add_titles(names, 'shear_rate [1/s],inertial_number [-],')
+    call add_titles(names, 'affine_bulk [Pa],affine_shear [Pa],affine_lambda [Pa],affine_mu [Pa],')
+    call add_titles(names, 'affine_kappa [Pa],affine_alpha [N],affine_beta [N],affine_gamma [N],')
+    call add_titles(names, 'coupling_number [-],bending_length [m],')
   end subroutine measure_columns
 
   !> Titles of the affine moduli in full.
@@ -60,12 +63,12 @@ contains
     integer(i4) :: t, i, j
 
     allocate (names(0))
-    call add(names, 'time [s],')
+    call add_titles(names, 'time [s],')
     do t = 1, 3
       do i = 1, 9
         do j = 1, 9
-          call add(names, 'CBD'(t:t)//'_'//nine(i)//'_'//nine(j)//' '// &
-                   trim(merge('[Pa] ', merge('[N]  ', '[N/m]', t == 2), t == 1))//',')
+          call add_titles(names, 'CBD'(t:t)//'_'//nine_parts(i)//'_'//nine_parts(j)//' '// &
+                          trim(merge('[Pa] ', merge('[N]  ', '[N/m]', t == 2), t == 1))//',')
         end do
       end do
     end do
@@ -76,16 +79,16 @@ contains
     type(string_type), allocatable, intent(out) :: names(:)
     integer(i4) :: k
     allocate (names(0))
-    call add(names, 'time [s],lambda [Pa],mu [Pa],eta [Pa],tau [Pa],kappa [Pa],nu [Pa],'// &
-             'sigma [Pa],')
+    call add_titles(names, 'time [s],lambda [Pa],mu [Pa],eta [Pa],tau [Pa],kappa [Pa],nu [Pa],'// &
+                    'sigma [Pa],')
     do k = 1, 11
-      call add(names, 'tau_'//str(k)//' [N],')
+      call add_titles(names, 'tau_'//str(k)//' [N],')
     end do
-    call add(names, 'density [kg/m3],micro_inertia [m2],')
+    call add_titles(names, 'density [kg/m3],micro_inertia [m2],')
   end subroutine micro_columns
 
   !> Add titles, each ended by a comma.
-  subroutine add(names, list)
+  subroutine add_titles(names, list)
     type(string_type), allocatable, intent(inout) :: names(:)
     character(len=*), intent(in) :: list
     integer :: first, comma
@@ -96,7 +99,7 @@ contains
       call append_string(names, list(first:first + comma - 2))
       first = first + comma
     end do
-  end subroutine add
+  end subroutine add_titles
 
   subroutine add_tensor(names, name, unit, parts)
     type(string_type), allocatable, intent(inout) :: names(:)
@@ -133,23 +136,35 @@ contains
     end do
   end function contacts_of
 
+  !> The region as it is now: all is the box around the free grains, or the whole cell.
+  pure function region_now(sample, request) result(region)
+    type(sample_type), intent(in) :: sample
+    type(request_type), intent(in) :: request
+    type(region_type) :: region
+    real(wp), allocatable :: half(:, :)
+    integer(i4), allocatable :: rows(:)
+    integer(i4) :: c
+    region = request%region
+    if (region%kind /= region_all) return
+    if (sample%cell_volume > 0.0_wp) then
+      region%kind = region_cell
+      region%cell_volume = sample%cell_volume
+      return
+    end if
+    half = half_sizes(sample)
+    rows = pack([(c, c=1, sample%n)], sample%free)
+    call region%fit(sample%x(:, rows), half(:, rows))
+  end function region_now
+
   !> The region as it is now, and the branches inside it.
   pure subroutine prepare(sample, request, region, half, branch)
     type(sample_type), intent(in) :: sample
     type(request_type), intent(in) :: request
     type(region_type), intent(out) :: region
     real(wp), allocatable, intent(out) :: half(:, :), branch(:, :)
-    integer(i4), allocatable :: rows(:)
     integer(i4) :: c
-    region = request%region
+    region = region_now(sample, request)
     half = half_sizes(sample)
-    if (region%kind == region_all .and. sample%cell_volume > 0.0_wp) then
-      region%kind = region_cell
-      region%cell_volume = sample%cell_volume
-    else if (region%kind == region_all) then
-      rows = pack([(c, c=1, sample%n)], sample%free)
-      call region%fit(sample%x(:, rows), half(:, rows))
-    end if
     allocate (branch(3, sample%contacts))
     do c = 1, sample%contacts
       branch(:, c) = branch_inside(sample, region, c)

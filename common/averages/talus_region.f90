@@ -29,6 +29,7 @@ module talus_region
     procedure :: contains => contains_point
     procedure :: part_of_segment
     procedure :: part_of_grain
+    procedure :: decides
   end type region_type
 
 contains
@@ -174,6 +175,17 @@ contains
     end do
     part = real(inside, wp)/real(size(points, 2), wp)
   end function part_of_grain
+
+  !> Is a grain surely within or surely out of the region, so that no face cuts it?
+  pure logical function decides(self, x, half, reach)
+    class(region_type), intent(in) :: self
+    real(wp), intent(in) :: x(3)     !! centre [m]
+    real(wp), intent(in) :: half(3)  !! half-sizes of the bounding box [m]
+    real(wp), intent(in) :: reach    !! largest distance of a point from the centre [m]
+    decides = self%kind == region_cell
+    if (.not. decides) decides = surely(self, x, half, reach, .true.) .or. &
+      surely(self, x, half, reach, .false.)
+  end function decides
 
   !> Is a grain surely within (or surely out of) the region?
   pure logical function surely(self, x, half, reach, within)

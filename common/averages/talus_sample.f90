@@ -4,7 +4,7 @@
 !! the branch is the contact point. The force is that on the first from the second. In a periodic
 !! cell the second end may be an image of its grain, `over` away from it.
 module talus_sample
-  use talus_kinds, only: wp, i4
+  use talus_kinds, only: wp, i4, i8
   implicit none
   private
   public :: sample_type, rotation_matrix
@@ -32,6 +32,8 @@ module talus_sample
     real(wp), allocatable :: force(:, :)        !! (3, contacts) on the first [N]
     real(wp), allocatable :: stiffness(:, :)    !! (2, contacts) normal, tangential [N/m]
     logical, allocatable :: sliding(:)          !! (contacts) at the friction limit
+    integer(i8), allocatable :: ids(:, :)       !! (2, contacts) of first and second; boundaries < 0
+    real(wp), allocatable :: overlap(:)         !! (contacts) [m]
   contains
     procedure :: make
     procedure :: far_end
@@ -48,7 +50,7 @@ contains
                                        self%mass, self%inertia, self%volume, self%free)
     if (allocated(self%first)) deallocate (self%first, self%second, self%start, self%point, &
                                            self%normal, self%force, self%stiffness, self%sliding, &
-                                           self%over)
+                                           self%over, self%ids, self%overlap)
     self%cell_volume = 0.0_wp
     self%n = n
     self%contacts = m
@@ -61,6 +63,8 @@ contains
               self%over(3, m), source=0.0_wp)
     allocate (self%stiffness(2, m), source=0.0_wp)
     allocate (self%sliding(m), source=.false.)
+    allocate (self%ids(2, m), source=0_i8)
+    allocate (self%overlap(m), source=0.0_wp)
   end subroutine make
 
   !> Centre at the second end of a contact [m].

@@ -71,6 +71,8 @@ contains
       tiled%force(:, k) = sample%force(:, c)
       tiled%stiffness(:, k) = sample%stiffness(:, c)
       tiled%sliding(k) = sample%sliding(c)
+      tiled%ids(:, k) = sample%ids(:, c)
+      tiled%overlap(k) = sample%overlap(c)
     end associate
   end subroutine put_contact
 

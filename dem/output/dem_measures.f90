@@ -8,6 +8,7 @@ module dem_measures
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
   use talus_history, only: history_type
+  use talus_contact_measures, only: contact_columns, contact_row
   use talus_measures, only: request_type, measure_columns, measure_row, moduli_columns, &
     moduli_row, micro_columns, micro_row
   use talus_coarse, only: reach_of
@@ -15,6 +16,7 @@ module dem_measures
   use talus_region_deck, only: read_region
   use talus_sample, only: sample_type
   use dem_cell, only: is_periodic
+  use dem_contact_file, only: dem_contact_file_type
   use dem_grids, only: dem_grid_type, read_grid
   use dem_sample, only: fill_sample
   use dem_state, only: kind_free
@@ -31,9 +33,11 @@ module dem_measures
     character(len=:), allocatable :: id
     type(request_type) :: request
     logical :: moduli = .false.        !! write the affine moduli in full
+    logical :: contacts = .false.      !! write what the contacts bear, and each of them
     real(wp) :: every = 0.0_wp         !! [s]; 0: first and last state only
     real(wp) :: last_time = -1.0_wp    !! of the last row [s]
-    type(history_type) :: history, full, micro
+    type(history_type) :: history, full, micro, bears
+    type(dem_contact_file_type) :: each
   end type measure_type
 
   type :: dem_measures_type
@@ -70,6 +74,7 @@ contains
       call deck%get('measure', k, 'id', self%item(k)%id)
       call deck%get('measure', k, 'every_time', self%item(k)%every)
       call deck%get('measure', k, 'moduli', self%item(k)%moduli)
+      call deck%get('measure', k, 'contacts', self%item(k)%contacts)
       call check_name(deck, 'measure', k, self%item(k)%id, errors)
       call read_request(deck, k, self%item(k)%request, errors)
     end do
@@ -162,12 +167,12 @@ contains
         kept = kept_time(time, item%every)
         call measure_columns(names)
         call item%history%begin(stem//'_measure_'//item%id//'.csv', names, kept, errors)
-        call moduli_columns(names)
-        if (item%moduli) call item%full%begin(stem//'_moduli_'//item%id//'.csv', names, kept, &
-                                    errors)
-        call micro_columns(names)
-        if (item%moduli) call item%micro%begin(stem//'_micromorphic_'//item%id//'.csv', names, &
-                                    kept, errors)
+        if (item%moduli) call open_moduli(item, stem, kept, errors)
+        if (item%contacts) then
+          call contact_columns(names)
+          call item%bears%begin(stem//'_contacts_'//item%id//'.csv', names, kept, errors)
+          call item%each%open(stem//'_contacts_'//item%id, kept, errors)
+        end if
         item%last_time = -1.0_wp
         if (kept >= time .and. time >= 0.0_wp) item%last_time = time
       end associate
@@ -177,6 +182,19 @@ contains
     end do
     self%opened = .not. errors%any()
   end subroutine open_measures
+
+  !> The files of affine moduli of a measure.
+  subroutine open_moduli(item, stem, time, errors)
+    type(measure_type), intent(inout) :: item
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! rows up to here are kept [s]
+    type(error_list_type), intent(inout) :: errors
+    type(string_type), allocatable :: names(:)
+    call moduli_columns(names)
+    call item%full%begin(stem//'_moduli_'//item%id//'.csv', names, time, errors)
+    call micro_columns(names)
+    call item%micro%begin(stem//'_micromorphic_'//item%id//'.csv', names, time, errors)
+  end subroutine open_moduli
 
   !> Rows up to here are in an uninterrupted run too: a last row off the interval is not.
   pure real(wp) function kept_time(time, every) result(kept)
@@ -300,6 +318,11 @@ contains
     call measure_row(time, sample, item%request, row)
     call item%history%write(row, errors)
     item%last_time = time
+    if (item%contacts) then
+      call contact_row(time, sample, item%request, row)
+      call item%bears%write(row, errors)
+      call item%each%write(time, sample, item%request, errors)
+    end if
     if (.not. item%moduli) return
     call moduli_row(time, sample, item%request, row)
     call item%full%write(row, errors)
@@ -327,6 +350,7 @@ contains
       call self%item(k)%history%flush(errors)
       call self%item(k)%full%flush(errors)
       call self%item(k)%micro%flush(errors)
+      call self%item(k)%bears%flush(errors)
     end do
   end subroutine flush_measures
 
@@ -338,6 +362,7 @@ contains
       call self%item(k)%history%close(errors)
       call self%item(k)%full%close(errors)
       call self%item(k)%micro%close(errors)
+      call self%item(k)%bears%close(errors)
     end do
   end subroutine close_measures
 end module dem_measures

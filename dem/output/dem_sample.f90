@@ -85,14 +85,14 @@ contains
     sample%normal(:, c) = list%normal(:, c)
     sample%force(:, c) = -list%force(:, c)
     sample%stiffness(:, c) = list%stiffness(:, c)
+    sample%ids(:, c) = list%ids(:, c)
+    sample%overlap(c) = list%overlap(c)
     if (sample%first(c) > 0) then
       sample%start(:, c) = sample%x(:, sample%first(c))
       material = system%grains%material(sample%first(c))
     else
       sample%start(:, c) = list%point(:, c)
-      material = 0
-      if (-list%ids(1, c) <= system%planes%n) &
-        material = system%planes%material(int(-list%ids(1, c), i4))
+      material = boundary_material(system, int(-list%ids(1, c), i4))
     end if
     if (material == 0) return
     shear = list%force(:, c) &
@@ -104,4 +104,21 @@ contains
       sample%sliding(c) = norm2(shear) >= at_limit*law%friction*normal
     end associate
   end subroutine put_contact
+
+  !> Material of a plane or, behind these, of a surface; 0 of one whose parts have several.
+  pure integer(i4) function boundary_material(system, boundary) result(material)
+    type(dem_system_type), intent(in) :: system
+    integer(i4), intent(in) :: boundary
+    integer(i4) :: first, last
+    if (boundary <= system%planes%n) then
+      material = system%planes%material(boundary)
+      return
+    end if
+    associate (s => system%surfaces)
+      first = s%first_part(boundary - system%planes%n)
+      last = s%first_part(boundary - system%planes%n + 1) - 1
+      material = 0
+      if (all(s%material(first:last) == s%material(first))) material = s%material(first)
+    end associate
+  end function boundary_material
 end module dem_sample

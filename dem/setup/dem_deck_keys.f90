@@ -1420,7 +1420,7 @@ contains
 
   subroutine group_measure(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('measure', 13, &
+    call table%add_group('measure', 14, &
       'Measures of a region, one row a time in `<deck>_measure_<id>.csv`: stress, solid' &
       //' fraction, coordination, fabrics, sliding, inertial number, affine moduli. The ' &
       //'first and the last state are always measured. `talus-dem --measure=FILE` reads ' &
@@ -1485,6 +1485,11 @@ contains
       'Origin of the arms of the couple stress; left out, the middle of each branch.')
     call table%sized(3_i4, 3_i4)
     call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%add_key('contacts', 'logical', '', &
+      'Write what the contacts of the region bear (number, coordination, sliding, ' &
+      //'normal and tangential forces, stress, fabrics) to `<deck>_contacts_<id>.csv`, ' &
+      //'and each of them to `<deck>_contacts_<id>.h5`.')
+    call table%preset('.false.')
     call table%add_key('moduli', 'logical', '', &
       'Write the affine moduli in full (C, B and D, 9 x 9 each) to ' &
       //'`<deck>_moduli_<id>.csv`, and those of a micromorphic solid to ' &
