@@ -2,11 +2,13 @@
 module dem_pair_law
   use talus_kinds, only: wp, i4
   use dem_state, only: dem_data_type, dem_law_type
-  use dem_contact, only: constants_of, contact_stiffness, stored_energy
+  use dem_contact, only: contact_constants_type, constants_of, contact_stiffness, stored_energy
   use dem_law_registry, only: place_of_memory
   implicit none
   private
-  public :: pair_stiffness, pair_energy
+  public :: pair_stiffness, pair_energy, at_friction_limit
+
+  real(wp), parameter :: at_limit = 1.0_wp - 1.0e-6_wp  !! of the friction limit counts as sliding
 
 contains
 
@@ -42,4 +44,21 @@ contains
                            d%pairs%additional%kept(:, range(1):range(2), k), energy)
     end associate
   end function pair_energy
+
+  !> Has the tangential force of a contact reached the friction limit? Contacts without friction
+  !! always slide.
+  pure logical function at_friction_limit(law, force, normal, stiffness, overlap) result(slides)
+    type(dem_law_type), intent(in) :: law
+    real(wp), intent(in) :: force(3)   !! [N]
+    real(wp), intent(in) :: normal(3)  !! of the same sense [-]
+    real(wp), intent(in) :: stiffness  !! normal [N/m]
+    real(wp), intent(in) :: overlap    !! [m]
+    type(contact_constants_type) :: constants
+    real(wp) :: shear(3), elastic
+    shear = force - dot_product(force, normal)*normal
+    constants = constants_of(law%law_numbers_type)
+    elastic = constants%normal_share*stiffness*overlap
+    if (associated(law%base%response)) elastic = dot_product(force, normal)
+    slides = norm2(shear) >= at_limit*law%friction*elastic
+  end function at_friction_limit
 end module dem_pair_law

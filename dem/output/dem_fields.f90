@@ -13,6 +13,7 @@ module dem_fields
   use dem_packing, only: put_shapes
   use dem_slabs, only: dem_slab_type, slab_grains
   use dem_state, only: dem_grains_type
+  use dem_wear_output, only: put_wear
   implicit none
   private
   public :: dem_fields_type
@@ -112,6 +113,8 @@ contains
     end if
     if (system%surfaces%n > 0) call put_surface_mesh(file, group//'/surfaces', system%surfaces, &
       errors)
+    if (system%surfaces%n > 0 .and. system%wear%active) &
+      call put_wear(file, group//'/surfaces', system%dem_data_type, errors)
     if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
     call self%series%end_step(int(system%grains%n, i8), file, errors)
     call self%xdmf%write(self%series, errors)
@@ -132,6 +135,10 @@ contains
                                        'surfaces/triangles', [int(triangles, i8), 3_i8], &
                                        int(points, i8), int(triangles, i8))
       call self%surfaces%attribute('surface', 'surfaces/surface', xdmf_cell, 1, 'int4')
+      if (system%wear%active) then
+        call self%surfaces%attribute('wear', 'surfaces/wear', xdmf_cell, 1)
+        call self%surfaces%attribute('wear_depth', 'surfaces/wear_depth', xdmf_cell, 1)
+      end if
     end if
     call self%surfaces%write(self%series, errors)
   end subroutine describe_surfaces

@@ -5,14 +5,13 @@ module dem_sample
   use talus_sample, only: sample_type, rotation_matrix
   use talus_homogenise, only: inverse_of
   use dem_cell, only: cell_volume, is_periodic, reduced_basis
-  use dem_contact, only: contact_constants_type, constants_of
+  use dem_pair_law, only: at_friction_limit
   use dem_state, only: kind_free
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
   public :: fill_sample
 
-  real(wp), parameter :: at_limit = 1.0_wp - 1.0e-6_wp  !! of the friction limit counts as sliding
   real(wp), parameter :: pi = acos(-1.0_wp)
 
 contains
@@ -77,9 +76,7 @@ contains
     type(dem_contacts_type), intent(in) :: list
     integer(i4), intent(in) :: c
     type(sample_type), intent(inout) :: sample
-    type(contact_constants_type) :: constants
     integer(i4) :: material
-    real(wp) :: shear(3), normal
 
     sample%point(:, c) = list%point(:, c)
     sample%normal(:, c) = list%normal(:, c)
@@ -95,14 +92,9 @@ contains
       material = boundary_material(system, int(-list%ids(1, c), i4))
     end if
     if (material == 0) return
-    shear = list%force(:, c) &
-            - dot_product(list%force(:, c), list%normal(:, c))*list%normal(:, c)
-    associate (law => system%laws(material, system%grains%material(sample%second(c))))
-      constants = constants_of(law%law_numbers_type)
-      normal = constants%normal_share*list%stiffness(1, c)*list%overlap(c)
-      if (associated(law%base%response)) normal = dot_product(list%force(:, c), list%normal(:, c))
-      sample%sliding(c) = norm2(shear) >= at_limit*law%friction*normal
-    end associate
+    sample%sliding(c) = at_friction_limit( &
+      system%laws(material, system%grains%material(sample%second(c))), list%force(:, c), &
+      list%normal(:, c), list%stiffness(1, c), list%overlap(c))
   end subroutine put_contact
 
   !> Material of a plane or, behind these, of a surface; 0 of one whose parts have several.

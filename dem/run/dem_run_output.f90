@@ -89,6 +89,7 @@ contains
       call self%breakage%open(self%stem, self%start_time, errors)
       call self%grading%open(self%stem, self%start_time, errors)
       call self%liquid%open(self%system%dem_data_type, self%stem, self%start_time, errors)
+      call self%wear%open(self%system%dem_data_type, self%stem, self%start_time, errors)
     end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
       call self%deck%get('output', 1, 'fields', fields)
@@ -128,6 +129,7 @@ contains
     call self%breakage%write(t, self%system%dem_data_type, errors)
     call self%grading%write(t, self%system%dem_data_type, errors)
     call self%liquid%write(t, self%system%dem_data_type, errors)
+    call self%wear%write(t, self%system%dem_data_type, errors)
   end subroutine write_histories
 
   !> Histories, fields and log rows that are due.
@@ -164,6 +166,7 @@ contains
       call self%breakage%flush(errors)
       call self%grading%history%flush(errors)
       call self%liquid%history%flush(errors)
+      call self%wear%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -204,6 +207,7 @@ contains
     call self%breakage%flush(errors)
     call self%grading%history%flush(errors)
     call self%liquid%history%flush(errors)
+    call self%wear%history%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -224,6 +228,7 @@ contains
     call self%breakage%close(errors)
     call self%grading%history%close(errors)
     call self%liquid%history%close(errors)
+    call self%wear%history%close(errors)
     call self%measures%close(errors)
   end subroutine close_files
 end module dem_run_output

@@ -21,6 +21,7 @@ module dem_run_start
   use dem_view, only: wall_stiffness_of
   use dem_deck_keys, only: dem_deck_table
   use dem_run_state, only: dem_run_state_type, program_name
+  use dem_setup_wear, only: read_wear
   implicit none
   private
   public :: dem_started_run_type
@@ -102,6 +103,8 @@ contains
     call self%grading%read(self%deck, self%system%dem_data_type, errors)
     call self%pore%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                         int(self%ranks%ranks, i4), errors)
+    call read_wear(self%deck, self%choices%wall, self%served, int(self%ranks%ranks, i4), &
+                   self%system%dem_data_type, errors)
   end subroutine read_features
 
   !> Threads as requested, or as many as the number of grains justifies.

@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 42)
+    call table%init('talus-dem', 43)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -35,6 +35,7 @@ contains
     call group_body(table)
     call group_motion(table)
     call group_servo(table)
+    call group_wear(table)
     call group_constant_volume(table)
     call group_surcharge(table)
     call group_pore_grid(table)
@@ -982,6 +983,29 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-18_wp, 1000000000000.0_wp)
   end subroutine group_servo_2
+
+  subroutine group_wear(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('wear', 4, &
+      'A wall or surface that grains wear by sliding (Archard, W = k F_n s/H): volume ' &
+      //'in `<deck>_wear.csv`, and volume and depth of every triangle in the field file. ' &
+      //'Forms do not change. One rank, not under talus-couple and not with membranes ' &
+      //'(D391).', repeats=.true.)
+    call table%one_of('wall|surface')
+    call table%add_key('wall', 'string', '', 'Id of a wall. Give this or surface.')
+    call table%add_key('surface', 'string', '', 'Id of a surface, penetrometer or cylinder.')
+    call table%add_key('coefficient', 'real', '', &
+      'Archard''s wear coefficient k: volume lost for a sliding distance, times hardness' &
+      //' over normal force.')
+    call table%need()
+    call table%bounds(max=1.0_wp, above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1.0_wp)
+    call table%add_key('hardness', 'real', 'Pa', &
+      'Hardness H of the wall or surface, the softer of the two.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-15_wp, 1e+36_wp)
+  end subroutine group_wear
 
   subroutine group_constant_volume(table)
     type(key_table_type), intent(inout) :: table

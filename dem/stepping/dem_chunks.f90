@@ -18,6 +18,7 @@ module dem_chunks
   use dem_surface_forces, only: add_surface_loads
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel
   use dem_step_work, only: step_memory_type
+  use dem_wear, only: add_wear
   implicit none
   private
   public :: set_turns, start_chunk, recall_chunk, finish_chunk, start_planes, finish_planes
@@ -188,5 +189,6 @@ contains
     if (d%surfaces%n > 0) call finish_surfaces(d%surfaces, dt, work(4))
     if (d%surfaces%n > 0) call note_vertices(d%surfaces, d%exact%vertices)
     if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
+    if (d%wear%active) call add_wear(d)
   end subroutine finish_planes
 end module dem_chunks

@@ -30,6 +30,7 @@ module dem_steps
   use dem_exact_forces, only: begin_exact, find_places, settle_exact
   use dem_membrane_forces, only: share_near
   use dem_surface_forces, only: surface_load
+  use dem_wear, only: make_wear_room, wear_block, wear_near
   use dem_swap, only: agree_travel, begin_swap, end_swap, add_loads
   use dem_chunks, only: set_turns, start_chunk, recall_chunk, finish_chunk, start_planes, &
     finish_planes
@@ -62,6 +63,7 @@ contains
     done = 0
     resumed = .false.
     do while (done < n)
+      call make_wear_room(d)
       call run_region(d, motion, n, done, resumed, rebuild, work)
       if (.not. rebuild) exit
       if (.not. all_finite(d)) then
@@ -212,10 +214,12 @@ contains
              base + int(int(length, i8)*(me + 1)/threads, i4)
         call block_forces(d%pairs, d%laws, d%grains%shapes, k, h, travel, deep)
         if (deep) call note_block(d, k)
+        if (d%wear%active .and. k > d%pairs%grain_blocks) call wear_block(d, k, h)
       end do
       base = d%pairs%group_end(g)
     end do
     if (d%surfaces%list%near > 0 .and. .not. border) call share_near(d, h, travel, me, threads)
+    if (d%wear%active .and. .not. border) call wear_near(d, h, me, threads)
     if (d%pairs%past > 0) call finish_puts()
   end subroutine share_forces
 
@@ -283,6 +287,7 @@ contains
     real(wp), intent(in) :: h
     real(wp) :: work(work_count, 1), force(3), moment(3), load(6)
     integer(i4) :: i
+    call make_wear_room(d)
     !$omp parallel default(none) shared(d, h)
     call share_forces(d, h, huge(h), .false., omp_get_thread_num(), omp_get_num_threads())
     call share_forces(d, h, huge(h), .true., omp_get_thread_num(), omp_get_num_threads())

@@ -232,7 +232,7 @@ def has_steps(path: Path) -> bool:
 def of_a_grid(path: Path) -> bool:
     """Whether a field file holds fields of a grid among grains, and neither grains nor a solid."""
     with h5py.File(path) as file:
-        return word(file.attrs.get("format", b"")) in ("talus-grid", "talus-pore")
+        return word(file.attrs.get("format", b"")) in ("talus-grid", "talus-pore", "talus-contacts")
 
 
 def displacement(first: dict[str, np.ndarray], now: dict[str, np.ndarray]) -> np.ndarray:
