@@ -28,6 +28,7 @@ PARTS = {
         "prepost",
         "view",
         "study",
+        "python-run",
     ],
     "Reference": ["deck-dem", "deck-fem", "deck-couple", "files", "errors", "api", "glossary"],
     "Theory": [
