@@ -24,6 +24,7 @@ module dem_fields
   type :: dem_fields_type
     logical :: contacts = .false.     !! write contacts too
     logical :: generations = .false.  !! grains break
+    logical :: heat = .false.         !! grains have temperatures
     logical :: opened = .false.
     real(wp) :: last_time = -1.0_wp   !! of the last step written [s]
     type(series_type) :: series
@@ -65,6 +66,7 @@ contains
     call describe(self%xdmf, stem)
     if (self%generations) &
       call self%xdmf%attribute('generation', 'grains/generation', xdmf_node, 1, 'int4')
+    if (self%heat) call self%xdmf%attribute('temperature', 'grains/temperature', xdmf_node, 1)
     self%stem = stem
     self%opened = errors%count == before
   end subroutine open_fields
@@ -104,6 +106,8 @@ contains
     end if
     if (self%generations) call file%put(group//'/grains/generation', generation_of( &
       system%dem_data_type, system%grains%id), errors)
+    if (system%heat%active) call file%put(group//'/grains/temperature', system%heat%temperature, &
+                                          errors)
     if (system%cell%active) then
       call file%group(group//'/cell', errors)
       call file%put(group//'/cell/vectors', system%cell%vectors, errors)

@@ -89,6 +89,7 @@ contains
       call self%breakage%open(self%stem, self%start_time, errors)
       call self%grading%open(self%stem, self%start_time, errors)
       call self%liquid%open(self%system%dem_data_type, self%stem, self%start_time, errors)
+      call self%heat%open(self%system%dem_data_type, self%stem, self%start_time, errors)
       call self%wear%open(self%system%dem_data_type, self%stem, self%start_time, errors)
     end if
     if (self%deck%count('output') > 0 .and. .not. errors%any()) then
@@ -97,6 +98,7 @@ contains
         self%fields%contacts = self%fields%contacts .or. fields(k)%s == 'contacts'
       end do
       self%fields%generations = self%breakage%active()
+      self%fields%heat = self%system%heat%active
       kept = self%start_time
       if (.not. self%clock%on_time(event_output)) kept = kept*(1.0_wp - epsilon(kept))
       call self%fields%open(self%stem, kept, note, errors)
@@ -129,6 +131,7 @@ contains
     call self%breakage%write(t, self%system%dem_data_type, errors)
     call self%grading%write(t, self%system%dem_data_type, errors)
     call self%liquid%write(t, self%system%dem_data_type, errors)
+    call self%heat%write(t, self%system%dem_data_type, errors)
     call self%wear%write(t, self%system%dem_data_type, errors)
   end subroutine write_histories
 
@@ -167,6 +170,7 @@ contains
       call self%grading%history%flush(errors)
       call self%liquid%history%flush(errors)
       call self%wear%history%flush(errors)
+      call self%heat%history%flush(errors)
       call self%write_row()
     end if
     call self%timers%stop('output')
@@ -208,6 +212,7 @@ contains
     call self%grading%history%flush(errors)
     call self%liquid%history%flush(errors)
     call self%wear%history%flush(errors)
+    call self%heat%history%flush(errors)
     call self%system%refresh_ledger()
     call self%clock%passed(event_checkpoint)
     if (.not. errors%any()) call write_checkpoint(self%checkpoint, self%system, self%clock, &
@@ -229,6 +234,7 @@ contains
     call self%grading%history%close(errors)
     call self%liquid%history%close(errors)
     call self%wear%history%close(errors)
+    call self%heat%history%close(errors)
     call self%measures%close(errors)
   end subroutine close_files
 end module dem_run_output

@@ -22,6 +22,7 @@ module dem_run_start
   use dem_deck_keys, only: dem_deck_table
   use dem_run_state, only: dem_run_state_type, program_name
   use dem_setup_wear, only: read_wear
+  use dem_setup_heat, only: read_heat, check_heat_step
   implicit none
   private
   public :: dem_started_run_type
@@ -103,9 +104,23 @@ contains
     call self%grading%read(self%deck, self%system%dem_data_type, errors)
     call self%pore%read(self%deck, self%system%dem_data_type, self%servo%curve, self%served, &
                         int(self%ranks%ranks, i4), errors)
+    call read_heat(self%deck, self%choices%wall, self%choices%material, self%packing%group, &
+                   self%system%dem_data_type, errors)
+    call refuse_heat(self, errors)
     call read_wear(self%deck, self%choices%wall, self%served, int(self%ranks%ranks, i4), &
                    self%system%dem_data_type, errors)
   end subroutine read_features
+
+  !> Heat is followed on one rank, without a partner (D393).
+  subroutine refuse_heat(self, errors)
+    class(dem_started_run_type), intent(in) :: self
+    type(error_list_type), intent(inout) :: errors
+    if (.not. self%system%heat%active) return
+    if (self%served) call self%deck%fault(errors, 'D393', 'heat is not followed under a partner', &
+                                          'heat', 1, '', 'leave &heat out, or run talus-dem alone')
+    if (self%ranks%several()) call self%deck%fault(errors, 'D393', 'heat is followed on one rank', &
+                                                   'heat', 1, '', 'run with threads')
+  end subroutine refuse_heat
 
   !> Threads as requested, or as many as the number of grains justifies.
   subroutine use_threads(self)
@@ -197,6 +212,7 @@ contains
     if (self%clock%automatic) dt = self%clock%chosen_step(self%automatic_dt())
     call self%clock%start_at(0.0_wp, dt)
     call self%use_step(dt)
+    call check_heat_step(self%deck, self%system%dem_data_type, dt, errors)
     call self%system%glance()
     call self%flow%update(self%system%dem_data_type, 0.0_wp)
     call self%drive_surfaces()

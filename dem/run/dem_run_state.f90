@@ -19,6 +19,7 @@ module dem_run_state
   use dem_histories, only: dem_histories_type
   use dem_liquid, only: dem_liquid_history_type
   use dem_wear_output, only: dem_wear_history_type
+  use dem_heat_output, only: dem_heat_history_type
   use dem_fields, only: dem_fields_type
   use dem_grading, only: dem_grading_type
   use dem_measures, only: dem_measures_type
@@ -59,6 +60,7 @@ module dem_run_state
     type(dem_grading_type) :: grading
     type(dem_liquid_history_type) :: liquid
     type(dem_wear_history_type) :: wear
+    type(dem_heat_history_type) :: heat
     type(dem_probe_type) :: probe
     type(dem_histories_type) :: histories
     type(dem_fields_type) :: fields

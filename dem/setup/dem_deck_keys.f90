@@ -12,7 +12,7 @@ contains
   !> All groups and keys of a deck of talus-dem.
   subroutine dem_deck_table(table)
     type(key_table_type), intent(inout) :: table
-    call table%init('talus-dem', 43)
+    call table%init('talus-dem', 46)
     call group_run(table)
     call group_output(table)
     call group_history(table)
@@ -36,6 +36,9 @@ contains
     call group_motion(table)
     call group_servo(table)
     call group_wear(table)
+    call group_heat(table)
+    call group_heat_material(table)
+    call group_temperature(table)
     call group_constant_volume(table)
     call group_surcharge(table)
     call group_pore_grid(table)
@@ -1006,6 +1009,60 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-15_wp, 1e+36_wp)
   end subroutine group_wear
+
+  subroutine group_heat(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('heat', 1, &
+      'Heat conduction through the contacts of grains, with walls, surfaces and grains ' &
+      //'held at a temperature (`&temperature`); all else is adiabatic. Temperatures in ' &
+      //'the field file, heat and its balance in `<deck>_heat.csv`. One rank; not under ' &
+      //'talus-couple, not with sources, sinks, windows and &breakage (D393).')
+    call table%add_key('start', 'real', 'K', &
+      'Temperature of all grains at the start; `&temperature` gives that of some.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(0.001_wp, 100000000.0_wp)
+  end subroutine group_heat
+
+  subroutine group_heat_material(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('heat_material', 3, &
+      'Thermal constants of a material: of all grains, and of what is held at a ' &
+      //'temperature.', repeats=.true.)
+    call table%add_key('material', 'string', '', 'Id of the material.')
+    call table%need()
+    call table%add_key('conductivity', 'real', 'W/(m K)', &
+      'Thermal conductivity k of the solid.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-09_wp, 1000000000.0_wp)
+    call table%add_key('capacity', 'real', 'J/(kg K)', 'Specific heat capacity c.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-06_wp, 1000000000000.0_wp)
+  end subroutine group_heat_material
+
+  subroutine group_temperature(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_group('temperature', 6, &
+      'A temperature of a wall, a surface, or some grains: held, or of grains that of ' &
+      //'the start.', repeats=.true.)
+    call table%one_of('wall|surface|group|ids')
+    call table%add_key('wall', 'string', '', 'Id of a wall.')
+    call table%add_key('surface', 'string', '', 'Id of a surface, penetrometer or cylinder.')
+    call table%add_key('group', 'string', '', 'A group of grains of the packing.')
+    call table%add_key('ids', 'integer', '', 'Ids of grains.')
+    call table%sized(1_i4, huge(1_i4))
+    call table%bounds(min=1.0_wp)
+    call table%add_key('value', 'real', 'K', 'Temperature.')
+    call table%need()
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(0.001_wp, 100000000.0_wp)
+    call table%add_key('hold', 'logical', '', &
+      'Grains keep it; false: they begin with it. Walls and surfaces always keep ' &
+      //'theirs.')
+    call table%preset('.true.')
+  end subroutine group_temperature
 
   subroutine group_constant_volume(table)
     type(key_table_type), intent(inout) :: table

@@ -12,6 +12,7 @@ module dem_state
   use dem_pore_state, only: dem_pore_type
   use dem_exact_state, only: dem_exact_type
   use dem_wear_state, only: dem_wear_type
+  use dem_heat_state, only: dem_heat_type
   implicit none
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
@@ -276,6 +277,7 @@ module dem_state
     type(dem_pore_type) :: pore
     type(dem_exact_type) :: exact
     type(dem_wear_type) :: wear
+    type(dem_heat_type) :: heat
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)  !! (grains) at the last check of adaptive damping [J]

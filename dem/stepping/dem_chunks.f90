@@ -19,6 +19,7 @@ module dem_chunks
   use dem_surface_motion, only: drift_surfaces, finish_surfaces, surface_travel
   use dem_step_work, only: step_memory_type
   use dem_wear, only: add_wear
+  use dem_heat, only: conduct
   implicit none
   private
   public :: set_turns, start_chunk, recall_chunk, finish_chunk, start_planes, finish_planes
@@ -190,5 +191,6 @@ contains
     if (d%surfaces%n > 0) call note_vertices(d%surfaces, d%exact%vertices)
     if (allocated(d%surfaces%membranes)) call finish_membranes(d%surfaces, dt, work)
     if (d%wear%active) call add_wear(d)
+    if (d%heat%active) call conduct(d, dt)
   end subroutine finish_planes
 end module dem_chunks

@@ -18,7 +18,7 @@ module dem_store
   use dem_store_grains, only: put_grain_arrays, get_grains
   use dem_store_pairs, only: put_pairs, put_images, get_skin, get_list
   use dem_store_pore, only: put_pore, get_pore
-  use dem_wear_state, only: dem_wear_type
+  use dem_store_fields, only: put_wear_and_heat, get_wear_and_heat
   implicit none
   private
   public :: put_state, get_state, put_run, put_grain_arrays, records
@@ -66,7 +66,7 @@ contains
     if (d%pore%active) call put_pore(d%pore, archive)
     if (d%open) call put_open(d, archive)
     if (allocated(d%crushed)) call put_crushed(d, archive)
-    if (d%wear%active) call put_wear(d%wear, archive)
+    call put_wear_and_heat(d, archive)
     if (allocated(d%graded)) &
       call archive%put_reals('grading.start', reshape(d%graded, [graded_size, 1]))
     if (d%parts%active) then
@@ -338,30 +338,6 @@ contains
     d%surcharge_top = row(1, :) > 0.5_wp
   end subroutine get_surcharge
 
-  !> What has slid so far.
-  subroutine put_wear(wear, archive)
-    type(dem_wear_type), intent(in) :: wear
-    class(dem_archive_type), intent(inout) :: archive
-    call archive%put_reals('wear.plane', reshape(wear%plane, [1, size(wear%plane)]))
-    call archive%put_reals('wear.body', reshape(wear%body, [1, size(wear%body)]))
-    call archive%put_reals('wear.triangle', reshape(wear%triangle, [1, size(wear%triangle)]))
-  end subroutine put_wear
-
-  !> The same back; a checkpoint of a deck without wear has none.
-  subroutine get_wear(wear, archive, errors)
-    type(dem_wear_type), intent(inout) :: wear
-    type(dem_archive_type), intent(in) :: archive
-    type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: row(:, :)
-    if (archive%find('wear.plane') == 0) return
-    call archive%get_reals('wear.plane', 1, size(wear%plane), row, errors)
-    if (.not. errors%any()) wear%plane = row(1, :)
-    call archive%get_reals('wear.body', 1, size(wear%body), row, errors)
-    if (.not. errors%any()) wear%body = row(1, :)
-    call archive%get_reals('wear.triangle', 1, size(wear%triangle), row, errors)
-    if (.not. errors%any()) wear%triangle = row(1, :)
-  end subroutine get_wear
-
   !> What is no list of grains, contacts or surfaces.
   subroutine get_run(d, archive, errors)
     type(dem_data_type), intent(inout) :: d
@@ -400,7 +376,7 @@ contains
     call get_pore(d, archive, errors)
     if (errors%any()) return
     if (allocated(d%crushed)) call get_crushed(d, archive, errors)
-    if (d%wear%active) call get_wear(d%wear, archive, errors)
+    call get_wear_and_heat(d, archive, errors)
     if (allocated(d%graded) .and. archive%find('grading.start') > 0) then
       call archive%get_reals('grading.start', graded_size, 1, row, errors)
       if (errors%any()) return
