@@ -3,12 +3,13 @@
 !! grains, so that the thread count changes no bit. eq. D.86, D.87
 module dem_heat
   use talus_kinds, only: wp, i4
+  use talus_log, only: short_number
   use dem_contact, only: contact_radius
   use dem_state, only: dem_data_type, lanes, history_side
   use dem_surface_measure, only: body_of_part
   implicit none
   private
-  public :: begin_heat, conduct, heat_content, heat_limit
+  public :: begin_heat, conduct, heat_content, heat_limit, told_of_heat
 
 contains
 
@@ -55,6 +56,17 @@ contains
       if (conductance > 0.0_wp) limit = min(limit, capacity_of(d, i)/conductance)
     end do
   end function heat_limit
+
+  !> How near the steps came to the limit of conduction, and a warning (W440) where they passed it.
+  subroutine told_of_heat(d, text, warning)
+    type(dem_data_type), intent(in) :: d
+    character(len=:), allocatable, intent(out) :: text, warning
+    text = 'largest step '//short_number(d%heat%ratio)//' of the limit of conduction'
+    warning = ''
+    if (d%heat%ratio > 1.0_wp) warning = 'W440'//': steps were up to '// &
+      short_number(d%heat%ratio)//' times the limit of heat conduction, beyond which '// &
+      'temperatures overshoot: take a smaller dt, or a larger capacity'
+  end subroutine told_of_heat
 
   !> A step h [s] of all temperatures, with the contacts as they are.
   subroutine conduct(d, h)

@@ -11,6 +11,7 @@ module dem_model
   use talus_stop, only: stop_none
   use dem_state, only: dem_health_type
   use dem_clock, only: event_checkpoint, event_opening
+  use dem_heat, only: told_of_heat
   use dem_judgement, only: judge_health
   use dem_logbook, only: log_health
   use dem_summary, only: write_summary
@@ -239,6 +240,7 @@ contains
     if (self%pore%active) call self%log%line('liquid: '//self%pore%audit(self%system%dem_data_type))
     call self%pore%warn(self%system%dem_data_type, self%log)
     if (self%openings%n > 0) call self%openings%log_totals(self%log, self%system)
+    if (self%system%heat%active) call log_heat(self)
     call self%breakage%log_totals(self%log, self%system%dem_data_type)
     call log_health(self%log, self%system, self%clock)
     call health%warn(self%log)
@@ -250,4 +252,13 @@ contains
                          ' s, '//str(self%clock%steps)//' steps')
     call self%log%close()
   end subroutine report_end
+
+  !> The steps of heat conduction, at the end of the log.
+  subroutine log_heat(self)
+    class(dem_model_type), intent(inout) :: self
+    character(len=:), allocatable :: text, warning
+    call told_of_heat(self%system%dem_data_type, text, warning)
+    call self%log%line('heat: '//text)
+    if (len(warning) > 0) call self%log%warn(warning)
+  end subroutine log_heat
 end module dem_model
