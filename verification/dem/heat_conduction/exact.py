@@ -28,6 +28,7 @@ def run(case: Case) -> None:
     """Judge the chain between walls, the chain without them, the lattice."""
     judge_chain(case)
     judge_alone(case)
+    judge_cell(case)
     judge_lattice(case)
 
 
@@ -165,6 +166,27 @@ def judge_alone(case: Case) -> None:
     exact = shapes.T @ (decay * (shapes @ first))
     case.below("alone: error against the modes of the chain [K]",
                float(np.abs(t[-1] - exact).max()), 1.0e-8)  # fmt: skip
+
+
+def judge_cell(case: Case) -> None:
+    """A hot sphere of a periodic lattice: heat spreads over the faces of the cell."""
+    edge, steps = np.array([5, 4, 3]), 100
+    grid = np.array(list(itertools.product(*map(range, edge))))
+    x = (grid + 0.25) * PITCH
+    write_h5(case.folder / "cell.h5", make_packing(x, np.full((len(x), 3), RADIUS)))
+    dt = 0.01 * HEAT / BETWEEN
+    edges = ", ".join(f"{v:.17g}" for v in edge * PITCH)
+    words = {"T_END": steps * dt, "ROW": steps * dt, "DT": dt, "EDGES": edges}
+    fill(case, "torus.nml", words)
+    case.run("talus-dem", "torus.nml", "--threads=1")
+    exact = np.full(edge, 300.0)
+    exact[0, 0, 0] = 400.0
+    for _ in range(steps):
+        ways = [np.roll(exact, sense, axis) for axis in range(3) for sense in (1, -1)]
+        exact = exact + 0.01 * (sum(ways) - 6.0 * exact)
+    off = np.abs(temperatures(case, "torus")[-1] - exact.ravel()).max() / 100.0
+    case.below("cell: error against the same steps / 100 K", float(off), ROUND)
+    case.above("cell: spread of the temperatures at the end [K]", float(np.ptp(exact)), 0.1)
 
 
 def judge_lattice(case: Case) -> None:
