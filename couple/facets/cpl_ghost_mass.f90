@@ -64,8 +64,8 @@ contains
     if (.not. errors%any()) mass = values_of(id, all_id, all_mass)
   end subroutine masses_of
 
-  !> Values of these ids in a list of others, 0 of those that are not in it. Both are gone through in
-  !! rising order at once.
+  !> Values of these ids in a list of others, 0 of those that are not in it. Both are gone through
+  !! in rising order at once.
   function values_of(id, all_id, all_value) result(value)
     integer(i8), intent(in) :: id(:), all_id(:)
     real(wp), intent(in) :: all_value(:)

@@ -212,13 +212,14 @@ contains
     if (.not. self%active) return
     associate (pore => d%pore)
       if (any(pore%liquid%law == [law_constant, law_kozeny_carman]) .and. &
-          pore%fastest(1) > most_reynolds) call log%warn('W437'//': the flow reached a Reynolds '// &
+          pore%fastest(1) > most_reynolds) call log%warn('W437'//': the flow reached a '// &
+          'Reynolds '// &
           'number of '//short_number(pore%fastest(1))//' at '//short_number(pore%fastest(2))// &
           " s, too fast for this law: take law = 'ergun'")
       if (pore%changed(1) > most_change) call log%warn('W439'//': the porosity of a brick has '// &
         'changed by '//short_number(pore%changed(1))//' at '//short_number(pore%changed(2))// &
-        ' s; what grains carry is of the start: write a packing and begin again from it, or set '// &
-        'carried = .false.')
+        ' s; what grains carry is of the start: write a packing and begin again from it, or '// &
+        'set carried = .false.')
     end associate
   end subroutine warn
 

@@ -227,7 +227,8 @@ contains
     real(wp) :: reach(3, d%grains%n)
     call boxes_of(d%grains, reach)
     call count_pores(d%pore, d%grains%x, reach)
-    if (porosity_change(d%pore) > d%pore%changed(1)) d%pore%changed = [porosity_change(d%pore), time]
+    if (porosity_change(d%pore) > d%pore%changed(1)) &
+      d%pore%changed = [porosity_change(d%pore), time]
     call hold_nodes(d%pore)
     call check_pores(d, time, errors)
   end subroutine renew_pores
