@@ -257,12 +257,11 @@ def test_a_packing_enters_with_its_contacts(tmp_path: Path) -> None:
     assert energy["kinetic"].max() < 1e-8 * before
 
 
-@pytest.mark.parametrize("kind", ["spheres", "ellipsoids", "shapes"])
+@pytest.mark.parametrize("kind", ["spheres", "shapes"])
 def test_threads_ranks_and_restarts_give_the_same_bits(tmp_path: Path, kind: str) -> None:
     """A run whose grains enter and leave repeats on threads, on ranks and from a checkpoint."""
     grains = {
         "spheres": lambda: f"semi_axes = {RADIUS}, scatter = 0.2",
-        "ellipsoids": lambda: "semi_axes = 2.4e-3, 2.0e-3, 1.6e-3",
         "shapes": lambda: mixed_shapes(tmp_path),
     }[kind]()
     text = filled(grains, t_end=0.16)
