@@ -78,8 +78,8 @@ contains
     group = 'cylinder'
   end subroutine group_of
 
-  !> Bodies thinner than the columns by which they are counted (D377); more of them than there is
-  !! room for (D376).
+  !> Bodies thinner than half of a column by which they are counted (D377); more of them than there
+  !! is room for (D376).
   subroutine check_sizes(deck, d, errors)
     type(deck_type), intent(in) :: deck
     type(dem_data_type), intent(in) :: d
@@ -88,7 +88,7 @@ contains
     integer(i4) :: t, number
     real(wp) :: thin, least
     associate (tools => d%pore%fit%tools)
-      least = minval(brick_edges(d%pore%grid))/columns
+      least = 0.5_wp*minval(brick_edges(d%pore%grid))/columns
       do t = 1, tools%n
         associate (p => tools%rest(:, :, tools%first(t):tools%first(t + 1) - 1))
           thin = 2.0_wp*abs(tools%volume(t))/surface_of(p)
@@ -97,7 +97,7 @@ contains
         call group_of(deck, tools%body(t), group, number)
         call deck%fault(errors, 'D377', "surface '"//d%surfaces%name(tools%body(t))%s//"' is "// &
                         short_number(thin)//' m thick (twice its volume over its surface), a '// &
-                        'sixth of a brick is '//short_number(least)//' m', group, number, 'id', &
+                        'twelfth of a brick is '//short_number(least)//' m', group, number, 'id', &
                         'a thicker body, or smaller bricks: the liquid would go through this one')
       end do
       if (6.0_wp*tools%n*node_count(d%pore%grid) <= most_numbers) return

@@ -24,6 +24,7 @@ module dem_pore_fields
   type :: dem_pore_fields_type
     logical :: opened = .false.
     real(wp) :: last_time = -1.0_wp  !! of the last step written [s]
+    character(len=:), allocatable :: note  !! what was repaired in the file, '' for nothing
     type(series_type) :: series
     type(xdmf_type) :: xdmf
   contains
@@ -45,11 +46,13 @@ contains
     logical :: found
     integer(i4) :: before
 
+    self%note = ''
     if (.not. d%pore%active) return
     before = errors%count
     found = .false.
     if (time >= 0.0_wp) then
       call self%series%resume(stem//'_pore.h5', format_name, time, found, errors)
+      self%note = self%series%note
       if (found .and. self%series%count > 0) &
         self%last_time = self%series%step(self%series%count)%time
     end if

@@ -103,6 +103,8 @@ contains
       if (.not. self%clock%on_time(event_output)) kept = kept*(1.0_wp - epsilon(kept))
       call self%fields%open(self%stem, kept, note, errors)
       call self%pore_fields%open(self%system%dem_data_type, self%stem, kept, errors)
+      if (len(self%pore_fields%note) > 0) &
+        call append_string(self%warnings, self%pore_fields%note)
       if (len(note) > 0) call append_string(self%warnings, note)
     end if
   end subroutine open_files
