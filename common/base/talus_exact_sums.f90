@@ -14,6 +14,7 @@ module talus_exact_sums
   real(wp), parameter :: two = 2.0_wp
   real(wp), parameter :: unit(digits) = [two**10, two**(-20), two**(-50), two**(-80), two**(-110)]
   real(wp), parameter :: cut(digits) = 1.5_wp*two**52*unit
+  real(wp), parameter :: per_unit(digits) = 1.0_wp/unit, cut_whole = 1.5_wp*two**52
 
   !> Sums over the terms of some steps, and those of the last step: (digits, quantities, things).
   type :: exact_sums_type
@@ -66,7 +67,7 @@ contains
     real(wp) :: whole
     integer(i4) :: k
     do k = digits, 2, -1
-      whole = anint(sum(k)/unit(k - 1))
+      whole = (sum(k)*per_unit(k - 1) + cut_whole) - cut_whole
       if (whole*unit(k - 1) > sum(k)) whole = whole - 1.0_wp
       sum(k) = sum(k) - whole*unit(k - 1)
       sum(k - 1) = sum(k - 1) + whole*unit(k - 1)
@@ -78,6 +79,8 @@ contains
     real(wp), intent(in) :: sum(digits)
     real(wp) :: s(digits), sign
     integer(i4) :: k
+    x = 0.0_wp
+    if (all(abs(sum) <= 0.0_wp)) return
     s = sum
     sign = 1.0_wp
     call carry(s)
@@ -86,7 +89,6 @@ contains
       sign = -1.0_wp
       call carry(s)
     end if
-    x = 0.0_wp
     do k = digits, 1, -1
       x = x + s(k)
     end do

@@ -73,10 +73,14 @@ contains
     integer(i4), intent(in) :: i
     real(wp) :: total(result_size), load(ghost_reals)
     integer(i4) :: k
+    logical :: touched
+    touched = d%surfaces%list%near > 0
     associate (sums => d%exact%grains, j => d%exact%place(i), x => d%pairs%body(1:3, i))
       sums%last(:, :, j) = 0.0_wp
       do k = d%pairs%start(i), d%pairs%start(i + 1) - 1
         call sum_results(d%pairs%result, d%pairs%entry, k, k, total)
+        if (all(abs(total(:ghost_reals)) <= 0.0_wp)) cycle  ! no contact
+        touched = .true.
         load(1:3) = total(1:3)
         load(4) = total(4) - (x(2)*total(3) - x(3)*total(2))
         load(5) = total(5) - (x(3)*total(1) - x(1)*total(3))
@@ -84,7 +88,7 @@ contains
         call add_term(load, sums%last(:, :, j))
       end do
       if (d%surfaces%list%near > 0) call add_term(surface_load(d%surfaces, i), sums%last(:, :, j))
-      call add_last(sums, j)
+      if (touched) call add_last(sums, j)
     end associate
   end subroutine note_ghost
 

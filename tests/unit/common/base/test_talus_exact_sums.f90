@@ -19,13 +19,13 @@ program test_talus_exact_sums
 
 contains
 
-  !> Terms of both signs between 1e-18 and 1e9.
+  !> Terms of both signs between 1e-36 and 1e9.
   subroutine draw(x)
     real(wp), intent(out) :: x(:)
     real(wp) :: power, sign
     integer(i4) :: k
     do k = 1, many
-      power = 27.0_wp*uniform([1_i8, int(k, i8)]) - 18.0_wp
+      power = 45.0_wp*uniform([1_i8, int(k, i8)]) - 36.0_wp
       sign = uniform([2_i8, int(k, i8)]) - 0.5_wp
       x(k) = sign*10.0_wp**power
     end do
