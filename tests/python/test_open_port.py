@@ -168,7 +168,7 @@ def test_spring_bed(kind: str, tmp_path: Path) -> None:
 
 
 def test_spring_bed_in_fortran_keeps_to_the_page(tmp_path: Path) -> None:
-    """All verbs, legal and illegal, with bounds checked."""
+    """All verbs, legal and illegal."""
     bed = build_in_fortran(ROOT / "examples/12-own-solver/spring_bed.f90", tmp_path / "bed")
     (tmp_path / "stiffness.txt").write_text(f"{SPRING}\n")
     found, asked, side = find_faults([bed, str(tmp_path / "stiffness.txt")], Options(facets="top"))
