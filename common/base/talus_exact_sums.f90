@@ -8,7 +8,8 @@ module talus_exact_sums
   use talus_kinds, only: wp, i4
   implicit none
   private
-  public :: exact_sums_type, begin_sums, add_term, add_last, exact_value, digits
+  public :: exact_sums_type, begin_sums, begin_step, touch, end_step, add_term, add_last
+  public :: exact_value, digits
 
   integer(i4), parameter :: digits = 5  !! of a sum
   real(wp), parameter :: two = 2.0_wp
@@ -20,6 +21,9 @@ module talus_exact_sums
   type :: exact_sums_type
     real(wp), allocatable :: all(:, :, :)
     real(wp), allocatable :: last(:, :, :)
+    integer(i4) :: touched = 0              !! things that have a term in the last step
+    integer(i4), allocatable :: thing(:)    !! which
+    logical, allocatable :: marked(:)       !! (things) is it one of them?
   end type exact_sums_type
 
 contains
@@ -28,10 +32,46 @@ contains
   pure subroutine begin_sums(sums, quantities, things)
     type(exact_sums_type), intent(inout) :: sums
     integer(i4), intent(in) :: quantities, things
-    if (allocated(sums%all)) deallocate (sums%all, sums%last)
+    if (allocated(sums%all)) deallocate (sums%all, sums%last, sums%thing, sums%marked)
     allocate (sums%all(digits, quantities, things), sums%last(digits, quantities, things), &
               source=0.0_wp)
+    allocate (sums%thing(things))
+    allocate (sums%marked(things), source=.false.)
+    sums%touched = 0
   end subroutine begin_sums
+
+  !> A step begins: nothing is touched.
+  pure subroutine begin_step(sums)
+    type(exact_sums_type), intent(inout) :: sums
+    integer(i4) :: k
+    do k = 1, sums%touched
+      sums%last(:, :, sums%thing(k)) = 0.0_wp
+      sums%marked(sums%thing(k)) = .false.
+    end do
+    sums%touched = 0
+  end subroutine begin_step
+
+  !> A term of one of many things, few of which have one in a step.
+  pure subroutine touch(sums, thing, x)
+    type(exact_sums_type), intent(inout) :: sums
+    integer(i4), intent(in) :: thing
+    real(wp), intent(in) :: x(:)
+    if (.not. sums%marked(thing)) then
+      sums%marked(thing) = .true.
+      sums%touched = sums%touched + 1
+      sums%thing(sums%touched) = thing
+    end if
+    call add_term(x, sums%last(:, :, thing))
+  end subroutine touch
+
+  !> The last step is complete: what it touched counts among all.
+  pure subroutine end_step(sums)
+    type(exact_sums_type), intent(inout) :: sums
+    integer(i4) :: k
+    do k = 1, sums%touched
+      call add_last(sums, sums%thing(k))
+    end do
+  end subroutine end_step
 
   !> Add numbers to sums, one each. They come by reference, so that no product is merged into the
   !! first addition of the cut.

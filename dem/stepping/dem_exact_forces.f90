@@ -6,7 +6,8 @@
 !! process does the same, so that any number of ranks has its bits. eq. C.65, C.66
 module dem_exact_forces
   use talus_kinds, only: wp, i4
-  use talus_exact_sums, only: exact_sums_type, begin_sums, add_term, add_last, exact_value
+  use talus_exact_sums, only: exact_sums_type, begin_sums, begin_step, touch, end_step, &
+    add_term, add_last, exact_value
   use dem_state, only: dem_data_type, kind_free, kind_ghost, kind_mirror, result_size
   use dem_exact_state, only: dem_exact_type
   use dem_lanes, only: sum_results
@@ -74,7 +75,7 @@ contains
     real(wp) :: total(result_size), load(ghost_reals)
     integer(i4) :: k
     logical :: touched
-    touched = d%surfaces%list%near > 0
+    touched = .false.
     associate (sums => d%exact%grains, j => d%exact%place(i), x => d%pairs%body(1:3, i))
       sums%last(:, :, j) = 0.0_wp
       do k = d%pairs%start(i), d%pairs%start(i + 1) - 1
@@ -87,7 +88,12 @@ contains
         load(6) = total(6) - (x(1)*total(2) - x(2)*total(1))
         call add_term(load, sums%last(:, :, j))
       end do
-      if (d%surfaces%list%near > 0) call add_term(surface_load(d%surfaces, i), sums%last(:, :, j))
+      load = 0.0_wp
+      if (d%surfaces%list%near > 0) load = surface_load(d%surfaces, i)
+      if (any(abs(load) > 0.0_wp)) then
+        touched = .true.
+        call add_term(load, sums%last(:, :, j))
+      end if
       if (touched) call add_last(sums, j)
     end associate
   end subroutine note_ghost
@@ -96,24 +102,21 @@ contains
   subroutine note_vertices(s, sums)
     type(dem_surfaces_type), intent(in) :: s
     type(exact_sums_type), intent(inout) :: sums
-    integer(i4) :: g, c, k, vertex
+    integer(i4) :: g, c, k
     if (.not. allocated(sums%last)) return
     if (size(sums%last) == 0) return
-    sums%last = 0.0_wp
+    call begin_step(sums)
     do g = 1, s%list%near
       if (s%list%contacts(g) == 0) cycle
       do c = s%list%near_start(g), s%list%near_start(g + 1) - 1
         if (s%list%candidate(c) <= 0) cycle
         if (s%kind(s%mesh%owner(s%list%candidate(c))) /= surface_soft) cycle
         do k = 1, 3
-          vertex = s%mesh%corner(k, s%list%candidate(c))
-          call add_term(s%list%share(:, 3*(c - 1) + k), sums%last(:, :, vertex))
+          call touch(sums, s%mesh%corner(k, s%list%candidate(c)), s%list%share(:, 3*(c - 1) + k))
         end do
       end do
     end do
-    do vertex = 1, size(sums%last, 3)
-      call add_last(sums, vertex)
-    end do
+    call end_step(sums)
   end subroutine note_vertices
 
   !> The sums of all ranks take the place of this rank's: forces at the end and, after steps, their
