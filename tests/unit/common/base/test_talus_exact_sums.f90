@@ -1,7 +1,8 @@
 !> Exact sums: the same bits in every order and for every deal over ranks, as exact as the terms.
 program test_talus_exact_sums
   use talus_kinds, only: wp, i4, i8
-  use talus_exact_sums, only: exact_sums_type, begin_sums, add_term, add_last, exact_value, digits
+  use talus_exact_sums, only: exact_sums_type, begin_sums, begin_step, touch, end_step, add_term, &
+    add_last, exact_value, digits
   use talus_random, only: uniform
   use talus_test, only: test_type
   implicit none
@@ -15,6 +16,7 @@ program test_talus_exact_sums
   call whole_numbers()
   call cancel()
   call over_steps()
+  call few_of_many()
   call test%finish()
 
 contains
@@ -110,4 +112,23 @@ contains
                           1.0e5_wp - 1.0e5_wp*2.0_wp**(-53), 0.0_wp)
     call test%check_close('the last step', exact_value(sums%last(:, 1, 1)), term, 0.0_wp)
   end subroutine over_steps
+
+  !> Of three things each step touches some: what the last one left alone has no last term.
+  subroutine few_of_many()
+    type(exact_sums_type) :: sums
+    real(wp) :: total(3), last(3)
+    integer(i4) :: k
+    call begin_sums(sums, 1_i4, 3_i4)
+    do k = 1, 4
+      call begin_step(sums)
+      call touch(sums, 1_i4, [1.0_wp*k])
+      call touch(sums, 1_i4, [0.5_wp])
+      if (k <= 2) call touch(sums, 3_i4, [-2.0_wp*k])
+      call end_step(sums)
+    end do
+    total = [(exact_value(sums%all(:, 1, k)), k=1, 3)]
+    last = [(exact_value(sums%last(:, 1, k)), k=1, 3)]
+    call test%check('sums of all steps', all(abs(total - [12.0_wp, 0.0_wp, -6.0_wp]) <= 0.0_wp))
+    call test%check('those of the last', all(abs(last - [4.5_wp, 0.0_wp, 0.0_wp]) <= 0.0_wp))
+  end subroutine few_of_many
 end program test_talus_exact_sums
