@@ -11,14 +11,17 @@ from pathlib import Path
 import numpy as np
 
 from talus.faults import FaultError
+from talus.measure import rotations
 from talus.port import Message
 from talus.port_asker import LostError, SolverAsker
+from talus.port_grains import turned
 from talus.port_names import PROTOCOL, SCALARS, Field
 from talus.programs import find_program, program_of
 
 REPORT = "talus-run"  # name of the set of all grains
 STATE = (Field.X, Field.QUAT, Field.V, Field.OMEGA)
 TRIPLES = ("momentum", "angular_momentum")  # scalars that are vectors
+AS_IT_IS = np.array([[1.0, 0.0, 0.0, 0.0]])  # quaternion, w first
 NOW = 1.0e-9  # of a time: what counts as the same
 
 
@@ -49,33 +52,12 @@ class Body:
 
     def move(self, duration: float) -> None:
         """Go on with its velocity and spin for a duration [s]."""
-        turn = turned(self.spin * duration)
-        arms = np.array([rotate(turn, arm) for arm in self.x - self.centre])
+        turn = self.spin[None] * duration
+        arms = (self.x - self.centre) @ rotations(turned(AS_IT_IS, turn))[0].T
         self.centre = self.centre + self.velocity * duration
         self.x = self.centre + arms
         if self.quat is not None:
-            self.quat = np.array([times(turn, q) for q in self.quat])
-
-
-def turned(rotation: np.ndarray) -> np.ndarray:
-    """Return the quaternion (4,), w first, of a rotation vector (3,) [rad]."""
-    angle = float(np.linalg.norm(rotation))
-    if angle == 0.0:
-        return np.array([1.0, 0.0, 0.0, 0.0])
-    return np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) / angle * rotation)])
-
-
-def times(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Return the product (4,) of two quaternions (4,): b first, then a."""
-    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
-    return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
-
-
-def rotate(q: np.ndarray, x: np.ndarray) -> np.ndarray:
-    """Return x (3,) turned by a unit quaternion (4,)."""
-    if q[0] == 1.0:
-        return x
-    return x + 2.0 * np.cross(q[1:], np.cross(q[1:], x) + q[0] * x)
+            self.quat = turned(self.quat, turn)
 
 
 class GrainsRun:
