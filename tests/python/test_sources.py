@@ -264,7 +264,7 @@ def test_threads_ranks_and_restarts_give_the_same_bits(tmp_path: Path, kind: str
         "spheres": lambda: f"semi_axes = {RADIUS}, scatter = 0.2",
         "shapes": lambda: mixed_shapes(tmp_path),
     }[kind]()
-    text = filled(grains, t_end=0.16)
+    text = filled(grains, t_end=0.12)
     run(tmp_path, text)
     fields = contents(tmp_path / "deck.h5")
     state = contents(tmp_path / "deck.chk.h5")

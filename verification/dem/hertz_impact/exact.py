@@ -17,21 +17,22 @@ def restitution_of_cut_law(ratio: float) -> float:
     With k_n = 2 E* sqrt(R x) = 1.5 F/x, damping 2 ratio sqrt(m k_n) becomes
     2 ratio sqrt(1.5) x^(1/4).
     """
-    c = 2.0 * ratio * np.sqrt(1.5)
+    c, h = 2.0 * ratio * 1.5**0.5, 1.0e-3
 
-    def slope(state: np.ndarray) -> np.ndarray:
-        x = max(state[0], 0.0)
-        return np.array([state[1], -(x**1.5) - c * x**0.25 * state[1]])
+    def rate(x: float, v: float) -> float:
+        x = max(x, 0.0)
+        return -(x**1.5) - c * x**0.25 * v
 
-    state, h = np.array([0.0, 1.0]), 1.0e-4
+    x, v = 0.0, 1.0
     while True:
-        k1 = slope(state)
-        k2 = slope(state + 0.5 * h * k1)
-        k3 = slope(state + 0.5 * h * k2)
-        k4 = slope(state + h * k3)
-        state = state + h / 6.0 * (k1 + 2 * k2 + 2 * k3 + k4)
-        if state[1] < 0.0 and slope(state)[1] >= 0.0:
-            return float(-state[1])
+        v1, a1 = v, rate(x, v)
+        v2, a2 = v + 0.5 * h * a1, rate(x + 0.5 * h * v1, v + 0.5 * h * a1)
+        v3, a3 = v + 0.5 * h * a2, rate(x + 0.5 * h * v2, v + 0.5 * h * a2)
+        v4, a4 = v + h * a3, rate(x + h * v3, v + h * a3)
+        x += h / 6.0 * (v1 + 2.0 * v2 + 2.0 * v3 + v4)
+        v += h / 6.0 * (a1 + 2.0 * a2 + 2.0 * a3 + a4)
+        if v < 0.0 and rate(x, v) >= 0.0:
+            return -v
 
 
 def impact(case: Case, ratio: float, speed: float) -> tuple[float, float, float]:
