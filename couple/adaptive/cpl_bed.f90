@@ -10,6 +10,7 @@ module cpl_bed
     field_what, field_x, what_asleep, what_grains, what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
+  use talus_vectors, only: turned
   use cpl_cells, only: cells_type, spot_type
   use cpl_closing, only: fate_type
   use cpl_histories, only: histories_type, request_type
@@ -139,7 +140,8 @@ contains
       bound(g) = roles%part(spot%element) == part_ghost
       filled(spot%element) = .true.
     end do
-    allocate (still%u(3, cells%nodes), still%v(3, cells%nodes), source=0.0_wp)
+    allocate (still%u(3, cells%nodes), still%v(3, cells%nodes), still%phi(3, cells%nodes), &
+              still%w(3, cells%nodes), source=0.0_wp)
     if (any(leaving)) call self%sleep(grains, pack(pack_of%id, leaving), timers, errors)
     if (errors%any()) return
     call self%read(grains, cells, timers, errors)
@@ -340,6 +342,8 @@ contains
     call grains%request%put(field_v, speed)
     if (self%histories%active) &
       call put_histories(self, grains, cells, carried, [(self%spot(at(k))%element, k=1, size(at))])
+    if (any(cells%polar) .and. .not. self%histories%active) &
+      call put_turns(cells, carried, self%spot(at), grains)
     call grains%ask(timers, errors)
     if (errors%any()) return
     call drop(self, waking)
@@ -348,6 +352,29 @@ contains
     call grains%reply%get(field_pressure, self%change%pressure, errors)
     call grains%reply%get_int(field_substeps, self%change%replay_steps, errors)
   end subroutine wake
+
+  !> Grains that wake have turned with the micro-rotation, as ghosts do, and go on so.
+  subroutine put_turns(cells, carried, spot, grains)
+    type(cells_type), intent(in) :: cells
+    type(carried_type), intent(in) :: carried
+    type(spot_type), intent(in) :: spot(:)    !! (grains that wake)
+    type(cpl_solver_type), intent(inout) :: grains
+    real(wp) :: turn(4, size(spot)), spin(3, size(spot))
+    integer(i4) :: k, first, n
+    turn = spread([1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp], 2, size(spot))
+    spin = 0.0_wp
+    do k = 1, size(spot)
+      n = spot(k)%n_phi
+      if (n == 0) cycle
+      first = cells%start(spot(k)%element)
+      associate (node => cells%node(first:first + n - 1), weight => spot(k)%weight_phi(:n))
+        turn(:, k) = turned(turn(:, k), matmul(carried%phi(:, node), weight))
+        spin(:, k) = matmul(carried%w(:, node), weight)
+      end associate
+    end do
+    call grains%request%put(field_turn, turn)
+    call grains%request%put(field_omega, spin)
+  end subroutine put_turns
 
   !> Histories of the elements in which grains wake, their rotations and spins.
   subroutine put_histories(self, grains, cells, carried, element)

@@ -96,9 +96,7 @@ contains
       call read_mesh(plain, run%solvers(side_solid), timers, errors)
       if (errors%any()) return
       call self%roles%set_mesh(plain%cells, run%choices%t_end, run%deck%source%path, errors)
-      if (any(plain%cells%polar)) call errors%add('D460', 'the solid has rotations or '// &
-        'deformations of its own', run%solvers(side_solid)%deck, 'grains follow a body in '// &
-        'classical solids: elastic, Drucker-Prager or Cam-clay')
+      call check_solid(self, plain%cells, run%solvers(side_solid)%deck, errors)
       if (errors%any()) return
       self%bed%histories%active = self%roles%replay
       call self%bed%histories%begin(plain%cells)
@@ -130,6 +128,21 @@ contains
     end associate
   end subroutine make
 
+  !> D460: a solid whose state is not transferred.
+  subroutine check_solid(self, cells, deck, errors)
+    class(adaptive_scale_type), intent(in) :: self
+    type(cells_type), intent(in) :: cells
+    character(len=*), intent(in) :: deck
+    type(error_list_type), intent(inout) :: errors
+    if (cells%micromorphic) then
+      call errors%add('D460', 'the solid has micro-deformations', deck, &
+        'grains follow a body in classical and micropolar solids')
+    else if (any(cells%polar) .and. self%closing%active) then
+      call errors%add('D460', 'elements of a micropolar solid do not close', deck, &
+        'leave close_behind out of &adapt, or take a classical solid')
+    end if
+  end subroutine check_solid
+
   !> Time that a plan looks ahead: two of its intervals [s].
   pure real(wp) function spell(self, run)
     class(adaptive_scale_type), intent(in) :: self
@@ -153,6 +166,10 @@ contains
       call file%get_into('/adapt/base', self%o%map%base, errors)
       if (.not. all(abs(self%o%map%base) < far)) call errors%add('I404', "'"//file%path// &
         "': /adapt/base is no displacement", file%path//':/adapt/base', 'use an older checkpoint')
+    end if
+    if (file%exists('/adapt/base_phi')) then
+      allocate (self%o%map%base_phi, mold=self%o%map%base)
+      call file%get_into('/adapt/base_phi', self%o%map%base_phi, errors)
     end if
     call self%bed%histories%get(file, errors)
     call self%closing%get(size(self%roles%part, kind=i4), file, errors)
@@ -371,6 +388,7 @@ contains
     fresh%sets%part = self%roles%part
     fresh%sets%by_kind = .true.
     fresh%map%base = carried%u
+    if (any(self%o%cells%polar)) fresh%map%base_phi = carried%phi
     call make_overlap(fresh, run%solvers, run%choices, run%dynamic, none, run%timers, errors)
     if (errors%any()) return
     self%o = fresh
@@ -445,6 +463,8 @@ contains
     type(error_list_type), intent(inout) :: errors
     call file%put('/adapt/part', self%roles%part, errors)
     if (allocated(self%o%map%base)) call file%put('/adapt/base', self%o%map%base, errors)
+    if (allocated(self%o%map%base_phi)) &
+      call file%put('/adapt/base_phi', self%o%map%base_phi, errors)
     call self%bed%histories%put(file, errors)
     call self%closing%put(file, errors)
     if (self%closing%active) call self%rebirth%put(file, errors)

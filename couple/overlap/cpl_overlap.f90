@@ -481,11 +481,11 @@ contains
   end subroutine go_on_from
 
   !> Loads on the nodes from here on, those of prescribed nodes through the free grains.
-  subroutine hold_loads(self, f)
+  subroutine hold_loads(self, f, c)
     class(overlap_type), intent(inout) :: self
-    real(wp), intent(in) :: f(:, :)  !! (3, nodes) [N]
+    real(wp), intent(in) :: f(:, :), c(:, :)  !! (3, nodes) [N], (3, nodes_phi) [N m]
     self%forces%f_hold = f
-    self%forces%c_hold = 0.0_wp
+    self%forces%c_hold = c
     call self%op%from_prescribed(self%forces%f_hold, self%forces%c_hold, self%forces%force_hold, &
       self%forces%moment_hold)
     call self%forces%parts%forget_dead()

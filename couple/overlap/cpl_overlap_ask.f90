@@ -5,8 +5,8 @@ module cpl_overlap_ask
   use talus_errors, only: error_list_type
   use talus_message, only: message_type, verb_accept, verb_force, verb_kick_drift
   use talus_port_names, only: dot_force, dot_load, dot_mean_force, dot_mean_moment, dot_moment, &
-    dot_omega, dot_phi, dot_quat, dot_theta, dot_u, dot_v, dot_x, field_ahead, field_brief, &
-    field_drift, field_final, field_force, field_kick, field_moment, field_reaction, &
+    dot_omega, dot_phi, dot_phi_rate, dot_quat, dot_theta, dot_u, dot_v, dot_x, field_ahead, &
+    field_brief, field_drift, field_final, field_force, field_kick, field_moment, field_reaction, &
     field_reaction_moment, field_scalars, field_scope, field_set, scope_interface
   use talus_timers, only: timers_type
   use cpl_overlap, only: overlap_type, ghost_set, free_set, pulled_set, prescribed_set, edge_set, &
@@ -144,15 +144,17 @@ contains
   subroutine put_nodes(o, solid)
     type(overlap_type), intent(in) :: o
     type(cpl_solver_type), intent(inout) :: solid
-    real(wp) :: u(3, o%op%nodes)
+    real(wp) :: u(3, o%op%nodes), phi(3, o%op%nodes_phi)
     u = o%motion%u
+    phi = o%motion%phi
     if (allocated(o%map%base)) u = u + o%map%base(:, o%op%node)
+    if (allocated(o%map%base_phi)) phi = phi + o%map%base_phi(:, o%op%node_phi)
     call solid%request%put(prescribed_set//dot_u, u(:, :o%op%prescribed))
     if (.not. o%rules%static) call solid%request%put(edge_set//dot_u, u(:, o%op%prescribed + 1:))
     if (o%op%nodes_phi == 0) return
-    call solid%request%put(prescribed_phi_set//dot_phi, o%motion%phi(:, :o%op%prescribed_phi))
+    call solid%request%put(prescribed_phi_set//dot_phi, phi(:, :o%op%prescribed_phi))
     if (.not. o%rules%static) &
-      call solid%request%put(edge_phi_set//dot_phi, o%motion%phi(:, o%op%prescribed_phi + 1:))
+      call solid%request%put(edge_phi_set//dot_phi, phi(:, o%op%prescribed_phi + 1:))
   end subroutine put_nodes
 
   !> A field of all nodes from a reply of the solid.
@@ -213,6 +215,12 @@ contains
     if (solver%side == sides(side_solid) .and. .not. o%rules%static) then
       call solver%request%put(prescribed_set//dot_v, o%motion%v(:, :o%op%prescribed))
       call solver%request%put(edge_set//dot_v, o%motion%v(:, o%op%prescribed + 1:))
+      if (o%op%nodes_phi > 0) then
+        call solver%request%put(prescribed_phi_set//dot_phi_rate, &
+          o%motion%w(:, :o%op%prescribed_phi))
+        call solver%request%put(edge_phi_set//dot_phi_rate, &
+          o%motion%w(:, o%op%prescribed_phi + 1:))
+      end if
     end if
     call solver%send(timers, errors)
   end subroutine send_accept

@@ -128,11 +128,12 @@ contains
     end do
   end subroutine put_ghosts
 
-  !> Velocities of all nodes.
-  pure subroutine set_speed(self, v)
+  !> Velocities of all nodes, and of those with micro-rotations their rates.
+  pure subroutine set_speed(self, v, w)
     class(overlap_motion_type), intent(inout) :: self
-    real(wp), intent(in) :: v(:, :)  !! (3, nodes) [m/s]
+    real(wp), intent(in) :: v(:, :), w(:, :)  !! (3, nodes) [m/s], (3, nodes_phi) [rad/s]
     self%v = v
+    self%w = w
   end subroutine set_speed
 
   !> Velocities of the edge, which comes after so many prescribed nodes.

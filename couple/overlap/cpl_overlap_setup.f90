@@ -425,7 +425,8 @@ contains
     type(carried_type), intent(in) :: carried
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    call o%motion%set_speed(merge(0.0_wp, carried%v(:, o%op%node), o%own%held))
+    call o%motion%set_speed(merge(0.0_wp, carried%v(:, o%op%node), o%own%held), &
+                            merge(0.0_wp, carried%w(:, o%op%node_phi), o%own%held_phi))
     if (any_closes(o, carried)) call hold_beyond(o, solid, carried%total, timers, errors)
   end subroutine go_on
 

@@ -42,6 +42,7 @@ module cpl_overlap_state
     real(wp), allocatable :: u_map(:, :), phi_map(:, :)  !! of the nodes when P was made
     real(wp), allocatable :: base(:, :)            !! displacement of all nodes of the mesh when the
                                                    !! sets were made, (3, nodes) [m]; none: zero
+    real(wp), allocatable :: base_phi(:, :)        !! the same of micro-rotations [rad]
     real(wp) :: checked = 0.0_wp                   !! motion past the nodes at the last check [m]
     real(wp) :: fine = 0.0_wp, past = 0.0_wp       !! the same now: root mean square, largest [m]
     integer(i8) :: remaps = 0

@@ -391,8 +391,7 @@ contains
     call body%whole%collect_cells(mean)
     if (step%leads) call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
     call step%put('u', whole_motion(body, n), errors)
-    call step%put('v', merge(body%port%given_v(:, :n), body%accepted%v(:, :n), &
-      body%port%prescribed(:, :n) .and. abs(body%port%given_v(:, :n)) > 0.0_wp), errors)
+    call step%put('v', shown_speed(body, n), errors)
     call step%put('reaction', body%accepted%reaction(:, :n), errors)
     call step%put_stress('stress', mean, errors)
     call step%put_stress('stress_nodal', nodal, errors)
@@ -413,6 +412,17 @@ contains
     if (allocated(body%port%moved)) u = u + body%port%moved(:, :n)
   end function whole_motion
 
+  !> Velocities of the first n blocks, of prescribed ones as the partner gave them.
+  pure function shown_speed(body, n) result(v)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: n
+    real(wp) :: v(3, n)
+    associate (given => body%port%given_v(:, :n))
+      v = merge(given, body%accepted%v(:, :n), body%port%prescribed(:, :n) .and. &
+                abs(given) > 0.0_wp)
+    end associate
+  end function shown_speed
+
   !> Micro-rotations, their rates and reactions; `nodal` is workspace.
   subroutine write_rotations(body, nodal, step, errors)
     type(fem_body_type), intent(in) :: body
@@ -423,7 +433,7 @@ contains
     n = body%mesh%nodes
     call nodal_rotation(body%dofs, body%elastic, body%accepted%u, nodal)
     call step%put('phi', nodal(:3, :), errors)
-    call nodal_rotation(body%dofs, body%elastic, body%accepted%v, nodal)
+    call nodal_rotation(body%dofs, body%elastic, shown_speed(body, body%dofs%blocks), nodal)
     call step%put('phi_rate', nodal(:3, :), errors)
     nodal(:3, :) = 0.0_wp
     associate (last => body%dofs%solid)

@@ -358,7 +358,8 @@ contains
     call self%take_speeds(body, request, errors)
   end subroutine take_motion
 
-  !> Velocities of the nodes of all prescribe sets, for the field output alone.
+  !> Velocities of the nodes of all prescribe sets, for the field output, and for those that the
+  !! sets do not move any more.
   subroutine take_speeds(self, body, request, errors)
     class(fem_sets_type), intent(in) :: self
     type(fem_body_type), intent(inout) :: body
@@ -369,6 +370,8 @@ contains
       associate (set => self%set(k))
         if (set%role == role_prescribe .and. set%moves) &
           call take(set%name, set%node, dot_v, request, body%port%given_v, errors)
+        if (set%role == role_prescribe .and. size(set%phi) > 0) &
+          call take(set%name, set%phi, dot_phi_rate, request, body%port%given_v, errors)
       end associate
     end do
   end subroutine take_speeds

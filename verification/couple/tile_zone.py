@@ -7,7 +7,7 @@ import numpy as np
 
 from talus.cli import main
 from talus.mesh import box, write_mesh
-from talus.packing import read_packing, write_h5
+from talus.packing import Packing, read_packing, write_h5
 from talus.verification import Case, field_steps, read_history
 
 COPIES, EDGE, DIAMETER, STRESS = (5, 3, 3), 0.012, 1.9e-3, 20.0e3  # [m], [m], [Pa]
@@ -53,6 +53,15 @@ def zone_opened(case: Case, name: str, friction: bool = True, law: str = "") -> 
     The case's folder holds tile.h5 and still.h5 (see `make_bed`) and coupled.nml. A law stands in
     place of the elastic one in the deck of the solid, which then has the stress of the tile.
     """
+    folder, whole = prepare_zone(case, name, friction)
+    if law:
+        put_law(folder / "solid.nml", law)
+    case.run("talus-couple", f"{name}/coupled.nml")
+    return look_at(case, folder, whole)
+
+
+def prepare_zone(case: Case, name: str, friction: bool = True) -> tuple[Path, Packing]:
+    """Write the input of a run; return its folder, and the whole bed."""
     folder = case.folder / name
     folder.mkdir()
     tile = read_packing(case.folder / "tile.h5")
@@ -68,9 +77,11 @@ def zone_opened(case: Case, name: str, friction: bool = True, law: str = "") -> 
     for deck in ("coupled", "grains", "solid"):
         source = case.folder if deck == "coupled" else DECKS
         (folder / f"{deck}.nml").write_text((source / f"{deck}.nml").read_text())
-    if law:
-        put_law(folder / "solid.nml", law)
-    case.run("talus-couple", f"{name}/coupled.nml")
+    return folder, whole
+
+
+def look_at(case: Case, folder: Path, whole: Packing) -> dict:
+    """Return what is judged of a run beside the whole bed."""
     rows = read_history(folder / "coupled_conversions.csv")
     audit = read_history(folder / "coupled_audit.csv")
     last = field_steps(folder / "grains.h5")[-1]
