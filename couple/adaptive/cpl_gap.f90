@@ -16,7 +16,8 @@ module cpl_gap
   use cpl_solver, only: cpl_solver_type
   implicit none
   private
-  public :: find_gap, mass_gap, density_of, stress_type, read_stress, mean_stress, six
+  public :: find_gap, mass_gap, density_of, stress_type, read_stress, mean_stress, six, &
+    mobilised
 
   !> Components xx yy zz xy yz zx among nine.
   integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]
@@ -94,6 +95,36 @@ contains
     call solid%reply%take(field_weight, points%weight, errors)
     call solid%reply%take_int(field_element, points%element, errors)
   end subroutine read_stress
+
+  !> Deviator over pressure, q/p, of the mean stress of each element: none where the pressure is
+  !! less than a hundredth of the largest one, as at a surface. eq. C.73
+  pure function mobilised(points, elements) result(ratio)
+    type(stress_type), intent(in) :: points
+    integer(i4), intent(in) :: elements
+    real(wp), parameter :: little = 0.01_wp
+    real(wp) :: ratio(elements), mean(6, elements), volume(elements), pressure(elements)
+    integer(i4) :: k, e
+    mean = 0.0_wp
+    volume = 0.0_wp
+    do k = 1, size(points%element)
+      e = points%element(k)
+      volume(e) = volume(e) + points%weight(k)
+      if (size(points%stress, 1) == size(mean, 1)) then
+        mean(:, e) = mean(:, e) + points%weight(k)*points%stress(:, k)
+      else
+        mean(:, e) = mean(:, e) + points%weight(k)*points%stress(six, k)
+      end if
+    end do
+    ratio = 0.0_wp
+    pressure = 0.0_wp
+    where (volume > 0.0_wp) pressure = -sum(mean(:3, :), 1)/(3.0_wp*volume)
+    do e = 1, elements
+      if (.not. pressure(e) > little*maxval(pressure)) cycle
+      mean(:, e) = mean(:, e)/volume(e)
+      mean(:3, e) = mean(:3, e) + pressure(e)
+      ratio(e) = sqrt(1.5_wp*(sum(mean(:3, e)**2) + 2.0_wp*sum(mean(4:, e)**2)))/pressure(e)
+    end do
+  end function mobilised
 
   !> Of one element, as xx yy zz xy yz zx [Pa].
   pure function mean_stress(points, element) result(mean)

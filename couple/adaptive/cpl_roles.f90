@@ -34,6 +34,7 @@ module cpl_roles
     real(wp) :: most_gap = 0.5_wp       !! of the stress of tile and element, over the pressure
     real(wp) :: close_behind = 0.0_wp   !! elements farther behind may close; 0: none does [m]
     real(wp) :: open_strain = 0.0_wp    !! at which elements of ghosts are opened; 0: none is [-]
+    real(wp) :: open_ratio = 0.0_wp     !! the same, of q/p; 0: none is [-]
     logical :: replay = .false.         !! grains wake after the history of their element
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
@@ -49,6 +50,7 @@ module cpl_roles
     procedure :: far_behind
     procedure, private :: is_near
     procedure, private :: grown
+    procedure, private :: fill
   end type roles_type
 
 contains
@@ -84,6 +86,7 @@ contains
     call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
     call deck%get('adapt', 1, 'close_behind', self%close_behind)
     call deck%get('adapt', 1, 'open_strain', self%open_strain)
+    call deck%get('adapt', 1, 'open_ratio', self%open_ratio)
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &
@@ -172,6 +175,9 @@ contains
     do e = 1, size(open)
       if (.not. open(e)) open(e) = self%is_near(self%middle(:, e), time, spell)
     end do
+    if (present(strained)) then
+      if (any(strained)) call self%fill(cells, open)
+    end if
     inside = open
     do k = 1, self%free_layers
       inside = .not. self%grown(cells, .not. inside)
@@ -244,6 +250,29 @@ contains
       distance = norm2(max(abs(x - self%centre - t*self%velocity) - self%half, 0.0_wp))
     end function distance
   end function is_near
+
+  !> Elements of ghosts that lie between opened ones with all of their nodes are opened, too.
+  subroutine fill(self, cells, open)
+    class(roles_type), intent(in) :: self
+    type(cells_type), intent(in) :: cells
+    logical, intent(inout) :: open(:)
+    logical :: node(cells%nodes), more
+    integer(i4) :: e
+    more = allocated(self%part)
+    do while (more)
+      node = .false.
+      do e = 1, size(open)
+        if (open(e)) node(cells%nodes_of(e)) = .true.
+      end do
+      more = .false.
+      do e = 1, size(open)
+        if (open(e) .or. self%part(e) /= part_ghost) cycle
+        if (.not. all(node(cells%nodes_of(e)))) cycle
+        open(e) = .true.
+        more = .true.
+      end do
+    end do
+  end subroutine fill
 
   !> These elements and all that share a node with one of them.
   pure function grown(self, cells, marked) result(more)

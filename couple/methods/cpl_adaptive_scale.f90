@@ -7,6 +7,7 @@
 !! behind the body may close again. Faults N460, N463, D460.
 module cpl_adaptive_scale
   use talus_kinds, only: wp, i4, i8
+  use talus_port_names, only: can_element_stress
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_checkpoint, only: checkpoint_info_type
@@ -19,7 +20,7 @@ module cpl_adaptive_scale
   use cpl_cells, only: cells_type
   use cpl_choices, only: cpl_choices_type
   use cpl_closing, only: closing_type, fate_type
-  use cpl_gap, only: find_gap, mass_gap, density_of
+  use cpl_gap, only: find_gap, mass_gap, density_of, stress_type, read_stress, mobilised
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
@@ -30,7 +31,7 @@ module cpl_adaptive_scale
   use cpl_roles, only: roles_type
   use cpl_run, only: cpl_run_type
   use cpl_sets, only: pack_type, part_none, part_rest, part_ghost, part_free
-  use cpl_solver, only: side_grains, side_solid
+  use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
   public :: adaptive_scale_type
@@ -96,7 +97,7 @@ contains
       call read_mesh(plain, run%solvers(side_solid), timers, errors)
       if (errors%any()) return
       call self%roles%set_mesh(plain%cells, run%choices%t_end, run%deck%source%path, errors)
-      call check_solid(self, plain%cells, run%solvers(side_solid)%deck, errors)
+      call check_solid(self, plain%cells, run%solvers(side_solid), errors)
       if (errors%any()) return
       self%bed%histories%active = self%roles%replay
       call self%bed%histories%begin(plain%cells)
@@ -129,16 +130,19 @@ contains
   end subroutine make
 
   !> D460: a solid whose state is not transferred.
-  subroutine check_solid(self, cells, deck, errors)
+  subroutine check_solid(self, cells, solid, errors)
     class(adaptive_scale_type), intent(in) :: self
     type(cells_type), intent(in) :: cells
-    character(len=*), intent(in) :: deck
+    type(cpl_solver_type), intent(in) :: solid
     type(error_list_type), intent(inout) :: errors
+    if (self%roles%open_ratio > 0.0_wp .and. .not. solid%can(can_element_stress)) &
+      call errors%add('D460', 'open_ratio is given, and '//solid%title()//' has no '// &
+        'stress of the bed', solid%deck, 'take a law with a state, or open_strain')
     if (cells%micromorphic) then
-      call errors%add('D460', 'the solid has micro-deformations', deck, &
+      call errors%add('D460', 'the solid has micro-deformations', solid%deck, &
         'grains follow a body in classical and micropolar solids')
     else if (any(cells%polar) .and. self%closing%active) then
-      call errors%add('D460', 'elements of a micropolar solid do not close', deck, &
+      call errors%add('D460', 'elements of a micropolar solid do not close', solid%deck, &
         'leave close_behind out of &adapt, or take a classical solid')
     end if
   end subroutine check_solid
@@ -243,29 +247,44 @@ contains
     logical, intent(out) :: strained(:)   !! (elements)
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
+    type(stress_type) :: points
+    real(wp) :: ratio(size(strained))
     integer(i4) :: e
 
     strained = .false.
-    if (.not. (self%roles%replay .or. self%roles%open_strain > 0.0_wp)) return
+    associate (r => self%roles)
+      if (.not. (r%replay .or. r%open_strain > 0.0_wp .or. r%open_ratio > 0.0_wp)) return
+    end associate
     run%solvers%time = t1
     call look_at_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
     if (errors%any()) return
     call self%bed%histories%note(self%o%cells, carried%u, &
                                  carried%part == part_rest .or. carried%part == part_ghost)
-    if (.not. self%roles%open_strain > 0.0_wp) return
-    strained = carried%part == part_ghost .and. .not. self%closing%shut
+    ratio = 0.0_wp
+    if (self%roles%open_ratio > 0.0_wp) then
+      call read_stress(run%solvers(side_solid), points, run%timers, errors)
+      if (errors%any()) return
+      ratio = mobilised(points, size(strained, kind=i4))
+    end if
     do e = 1, size(strained)
-      if (strained(e)) strained(e) = self%bed%histories%strain(self%o%cells, carried%u, e) &
-                                     > self%roles%open_strain
+      if (carried%part(e) /= part_ghost .or. self%closing%shut(e)) cycle
+      strained(e) = is_over(self%roles%open_ratio, ratio(e)) .or. is_over( &
+        self%roles%open_strain, self%bed%histories%strain(self%o%cells, carried%u, e))
       if (.not. strained(e)) cycle
       if (any(all(carried%held(:, self%o%cells%nodes_of(e)), 1))) then
         call errors%add('N460', 'element '//str(e)//', which the deck of the solid holds, is '// &
-          'strained more than open_strain = '//short_number(self%roles%open_strain), &
-          'conversion at '//str(t1)//' s', 'a wider mesh, or a larger &adapt open_strain')
+          'strained more than open_strain or stressed more than open_ratio of &adapt', &
+          'conversion at '//str(t1)//' s', 'a wider mesh, or a larger number of &adapt')
         return
       end if
     end do
   end subroutine note_strain
+
+  !> Is a limit given, and the value above it?
+  pure logical function is_over(limit, value)
+    real(wp), intent(in) :: limit, value
+    is_over = limit > 0.0_wp .and. value > limit
+  end function is_over
 
   !> Largest strain of an element of ghosts that has not closed before.
   pure real(wp) function front_strain(self, carried) result(largest)

@@ -310,7 +310,7 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 19, &
+    call table%add_group('adapt', 20, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
@@ -428,6 +428,15 @@ contains
       //'too, wherever the body is; 0: none. Grains there move as they want to before the' &
       //' continuum is wrong: a hundredth. Elements that have closed once are not opened ' &
       //'again by it.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('open_ratio', 'real', '', &
+      'Elements of ghosts in which q/p, the deviator sqrt(3/2 s:s) over the pressure, ' &
+      //'is above this are opened, too, wherever the body is; 0: none. For solids of laws' &
+      //' with a state, which begin with the stress of the bed: nine tenths of the ' &
+      //'critical slope, say. Elements that have closed once, and those with less than a ' &
+      //'hundredth of the largest pressure, are not opened by it (D460, N460).')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)

@@ -130,7 +130,7 @@ def test_the_front_does_not_reach_the_end_of_the_bed(tmp_path: Path) -> None:
     deck.write_text(deck.read_text() + "&support group = 'z0', fix = 'x', 'y', 'z' /\n")
     done = run(tmp_path)
     assert done.returncode == 2, done.stdout
-    assert "error N460: element 1, which the deck of the solid holds" in done.stderr
+    assert "error N460: element 1, which the deck of the solid holds, is strained" in done.stderr
 
 
 def test_a_fault_of_the_input_within_a_run_ends_with_2(tmp_path: Path) -> None:

@@ -55,6 +55,44 @@ def write_moving(folder: Path, law: str = "") -> None:
     write_h5(folder / "packing.h5", packing)
 
 
+def push(folder: Path) -> None:
+    """Press a written column from above, at its start by 0.4 m/s."""
+    deck = folder / "solid.nml"
+    text = deck.read_text()
+    deck.write_text(text.replace("&analysis", "&initial group = 'all', component = 'z', value = "
+                                 f"0.0, gradient = 0.0, 0.0, -25.0, origin = 0.0, 0.0, {16.0 * D} "
+                                 "/\n&analysis"))  # fmt: skip
+
+
+def test_elements_that_yield_are_opened(tmp_path: Path) -> None:
+    """Those of ghosts beyond open_ratio, and no earlier; the same bits after a restart."""
+    opened = {}
+    for name, more in (("plain", ""), ("yielding", ", open_ratio = 1.1")):
+        folder = tmp_path / name
+        folder.mkdir()
+        write(folder, more)
+        yields(folder, "drucker_prager")
+        push(folder)
+        done = run(folder)
+        assert done.returncode == 0, done.stderr
+        rows = read_history(folder / "coupled_conversions.csv")
+        opened[name] = rows["opened"]
+    assert opened["yielding"][0] == opened["plain"][0]  # q/p is 0.75 at the start
+    assert opened["yielding"][-1] > opened["plain"][-1]
+    whole = (folder / "coupled_audit.csv").read_bytes()
+    done = run(folder, f"--restart={sorted(folder.glob('coupled.[0-9]*.manifest'))[0].name}")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "coupled_audit.csv").read_bytes() == whole
+
+
+def test_a_solid_without_the_stress_of_the_bed_has_no_ratio(tmp_path: Path) -> None:
+    """D460."""
+    write(tmp_path, ", open_ratio = 1.0")
+    done = run(tmp_path)
+    assert done.returncode == 1
+    assert "error D460: open_ratio is given" in done.stdout + done.stderr
+
+
 @pytest.mark.parametrize("contacts", ["step", "exchange"])
 def test_a_column_at_rest_does_not_notice(contacts: str, tmp_path: Path) -> None:
     """As many grains fall asleep behind the body as wake before it; nothing moves."""
