@@ -6,12 +6,14 @@ module fem_newton
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
-  use fem_law, only: at_dissipated
   use fem_flow_step, only: begin_flow, finish_flow, matrix_step, measure_leak, out_of_balance, &
     resting_force, same_matrix, swing, take_length, tight, work_on
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
+  use fem_seepage, only: begin_faces, carry_faces, cut_faces, fixed_now, lack_at_faces, &
+    settle_faces, turn_faces
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
+  use fem_trouble, only: element_at, most_yielding
   implicit none
   private
   public :: newton_step, newton_columns
@@ -161,6 +163,7 @@ contains
       s%time = t0 + part%after*(t1 - t0)
       part%dt = s%time - self%accepted%time
       call begin_flow(self, part%dt)
+      call begin_faces(self)
       part%dead = part%load + part%after*(part%goal_load - part%load)
       s%external = part%dead
       s%u = self%accepted%u
@@ -181,6 +184,7 @@ contains
         if (.not. self%scheme%dynamic) scale = max(scale, self%newton%largest)
         call note(self, part, iterations, size_of, scale, work_on(self, du, residual), search)
         good = size_of <= self%newton%tolerance*scale .and. tight(self, part%leak, part%leaked)
+        call let_turn(self, part, iterations, residual, good)
         emptied = good .and. forces(1) > loaded*scale .and. forces(2) < empty*scale
         if (emptied) good = .false.
         if (good .or. emptied .or. .not. is_finite(size_of) .or. size_of > diverged*first) exit
@@ -196,6 +200,23 @@ contains
       if (good) call finish(self, part, size_of, scale)
     end associate
   end subroutine try_part
+
+  !> Faces of pores after a correction: the residual is that with what they hold then.
+  subroutine let_turn(self, part, iteration, residual, good)
+    type(fem_body_type), intent(inout) :: self
+    type(part_type), intent(inout) :: part
+    integer(i4), intent(in) :: iteration
+    real(wp), intent(inout) :: residual(:, :)
+    logical, intent(inout) :: good
+    real(wp), dimension(3, self%dofs%blocks) :: moved, internal
+    integer(i4) :: bad
+    logical :: turned
+    call turn_faces(self, part%raw, iteration, good, turned)
+    if (.not. turned) return
+    moved = self%state%u - self%accepted%u
+    call inner_force(self, moved, internal, bad)
+    call balance(self, part, moved, internal, residual)
+  end subroutine let_turn
 
   !> Why a part did not converge: forces or the liquid out of balance, and where.
   subroutine blame_balance(self, part, residual, iterations, ratio)
@@ -226,7 +247,7 @@ contains
     real(wp), dimension(3, self%dofs%blocks) :: internal, residual, given, carried
     integer(i4) :: bad
 
-    given = 0.0_wp
+    call lack_at_faces(self, given)
     where (self%supports%held .or. self%port%prescribed) &
       given = part%u + part%after*(part%goal_u - part%u) - self%accepted%u
     bad = 0
@@ -259,8 +280,12 @@ contains
     real(wp), intent(in) :: residual(:, :)
     real(wp), intent(out) :: du(:, :)
     logical, intent(out) :: good
+    real(wp), dimension(3, self%dofs%blocks) :: given, left
     call assemble(self, part)
-    call solve(self, part, residual, du, good)
+    left = residual
+    call carry_faces(self, given, left)
+    call solve(self, part, left, du, good)
+    du = du + given
   end subroutine correct
 
   !> The slopes of the residual but for those of inertia.
@@ -317,11 +342,13 @@ contains
         mass_term = 1.0_wp/(self%scheme%beta*matrix_step(self, part%dt)**2) + rate*self%damping%mass
         call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
       end if
+      call cut_faces(self)
       call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
         mass_term, errors, self%system%lower)
       if (self%pore%constant) call self%system%keep_factors(matrix_step(self, part%dt))
     end if
-    if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, residual, du, errors)
+    if (.not. errors%any()) call self%system%solver%solve(self%system%pattern, &
+      merge(0.0_wp, residual, fixed_now(self)), du, errors)
     if (errors%any() .and. self%system%solver%iterative .and. self%system%solver%by_choice) &
       call solve_by_factors(self, residual, du, errors)
     good = .not. errors%any()
@@ -394,8 +421,7 @@ contains
         call spring_force(self%port%robin, part%u, s%u, s%tie)
         part%raw = part%raw + s%tie
       end if
-      residual = part%raw
-      where (self%supports%held .or. self%port%prescribed) residual = 0.0_wp
+      residual = merge(0.0_wp, part%raw, fixed_now(self))
     end associate
   end subroutine balance
 
@@ -441,20 +467,6 @@ contains
     self%state%u = self%accepted%u + start + share*du
     if (.not. good) call blame(self, part)
   end subroutine line_search
-
-  !> The element that dissipates most in the trial, as a text; '' where none does.
-  pure function most_yielding(self) result(text)
-    type(fem_body_type), intent(in) :: self
-    character(len=:), allocatable :: text
-    integer(i4) :: p, at(2)
-    text = ''
-    associate (m => self%matter)
-      p = int(maxloc(m%state(at_dissipated, :) - m%accepted_state(at_dissipated, :), 1), i4)
-      if (.not. m%state(at_dissipated, p) > m%accepted_state(at_dissipated, p)) return
-      at = m%element_of(self%elastic, p)
-      text = '; element '//str(self%elastic%number_of(at(1)))//' yields most'
-    end associate
-  end function most_yielding
 
   !> Store the fault of the first point without a state.
   subroutine blame(self, part)
@@ -535,7 +547,8 @@ contains
       share = 1.0_wp
       if (self%scheme%dynamic) share = 1.0_wp - self%scheme%lag
       n = self%dofs%solid
-      s%reaction = merge(-part%raw/share, 0.0_wp, self%supports%held .or. self%port%prescribed)
+      s%reaction = merge(-part%raw/share, 0.0_wp, fixed_now(self))
+      call settle_faces(self)
       if (scale > 0.0_wp) self%residual = max(self%residual, size_of/scale)
       if (.not. self%scheme%dynamic) self%newton%largest = max(self%newton%largest, scale)
       moved = s%u - old%u
@@ -565,15 +578,4 @@ contains
       call dynamic_work(self, part%dt, part%inertia, part%balance)
     end associate
   end subroutine finish_motion
-
-  !> First element that has a node.
-  integer(i4) function element_at(self, block)
-    type(fem_body_type), intent(in) :: self
-    integer(i4), intent(in) :: block
-    integer(i4) :: place
-    place = int(findloc(self%dofs%block, block, 1), i4)
-    element_at = huge(place)
-    if (place > 0) element_at = self%elastic%number_of(int(count(self%dofs%start <= place), i4))
-    call self%dofs%halo%least_number(element_at)
-  end function element_at
 end module fem_newton

@@ -6,7 +6,10 @@ module fem_pore_faces
   use fem_types, only: name_length
   implicit none
   private
-  public :: fem_held_pressure_type, fem_inflow_type, fem_leak_type, add_leaks, let_in
+  public :: fem_held_pressure_type, fem_inflow_type, fem_leak_type, add_leaks, let_in, most_in
+  public :: most_flips
+
+  integer(i4), parameter :: most_flips = 5  !! of a node in a step, then it is a leak
 
   !> Pressures that the deck prescribes at some nodes.
   type :: fem_held_pressure_type
@@ -24,8 +27,9 @@ module fem_pore_faces
     real(wp), allocatable :: rate(:)        !! (blocks) [m^3/s]
   end type fem_inflow_type
 
-  !> Faces that let liquid out by c (p - outside), shared out to their nodes; of a seepage face
-  !! only outward, of infiltration inward at most as fast as it rains.
+  !> Faces that let liquid out by c (p - outside), shared out to their nodes. Nodes of faces that
+  !! switch keep the pressure outside or let in what may enter: seepage nothing, infiltration what
+  !! rains (fem_face_set); c is that of nodes that do not come to rest.
   type :: fem_leak_type
     character(len=name_length) :: name = ''
     integer(i4) :: curve = 0                !! of the pressure outside
@@ -36,6 +40,8 @@ module fem_pore_faces
     integer(i4), allocatable :: block(:)
     real(wp), allocatable :: conductance(:) !! c times the share of the area [m^3/(Pa s)]
     logical, allocatable :: open(:)         !! what passes in the trial depends on the pressure
+    logical, allocatable :: held(:)         !! keep the pressure outside; given where faces switch
+    integer(i4), allocatable :: flips(:)    !! of nodes that switch, in the step
     integer(i4) :: rain = 0                 !! curve of the most that enters, 0: constant
     real(wp) :: raining = 1.0_wp            !! factor of that in the step
     real(wp), allocatable :: most(:)        !! that enters of infiltration [m^3/s]
@@ -67,18 +73,26 @@ contains
     end do
   end subroutine let_in
 
-  !> Bound the inflow of node a [m^3/s], and say whether it still depends on the pressure.
+  !> What enters by node a of a face that switches [m^3/s], and whether it depends on the pressure:
+  !! what held nodes let pass is a reaction, and only those that do not come to rest are leaks.
   pure subroutine restrain(leak, a, inward)
     type(fem_leak_type), intent(inout) :: leak
     integer(i4), intent(in) :: a
     real(wp), intent(inout) :: inward
-    real(wp) :: most
-    if (.not. (leak%one_way .or. allocated(leak%most))) return
-    most = 0.0_wp
-    if (allocated(leak%most)) most = leak%raining*leak%most(a)
-    leak%open(a) = inward < most
-    inward = min(inward, most)
+    if (.not. allocated(leak%held)) return
+    leak%open(a) = leak%flips(a) >= most_flips .and. inward < most_in(leak, a)
+    if (leak%open(a)) return
+    inward = most_in(leak, a)
+    if (leak%held(a)) inward = 0.0_wp
   end subroutine restrain
+
+  !> The most that enters by node a of a face that switches [m^3/s].
+  pure real(wp) function most_in(leak, a)
+    type(fem_leak_type), intent(in) :: leak
+    integer(i4), intent(in) :: a
+    most_in = 0.0_wp
+    if (allocated(leak%most)) most_in = leak%raining*leak%most(a)
+  end function most_in
 
   !> Add the slopes of the leaks to a matrix.
   pure subroutine add_leaks(leak, step, pattern, k)

@@ -4,6 +4,7 @@ module fem_pore_state
   use talus_kinds, only: wp, i4
   use talus_curve, only: curve_type
   use fem_dofs, only: fem_dofs_type
+  use fem_face_set, only: leaking, reactions_of
   use fem_pore_element, only: fem_flow_step_type, fem_skeleton_type
   use fem_pore_faces, only: fem_held_pressure_type, fem_inflow_type, fem_leak_type
   use fem_pore_integrals, only: fem_wet_integrals_type
@@ -19,6 +20,7 @@ module fem_pore_state
     real(wp) :: numerical = 0.0_wp          !! dissipated by the integration of the flow [J]
     real(wp) :: kept = 0.0_wp               !! stored in unsaturated pores since the start [J]
     real(wp) :: through = 0.0_wp            !! sum of what passed any face, either way [m^3]
+    integer(i4) :: leaks = 0                !! nodes that became leaks, of all steps
   end type fem_pore_books_type
 
   type :: fem_pore_state_type
@@ -186,6 +188,7 @@ contains
     self%books%numerical = 0.0_wp
     self%books%kept = 0.0_wp
     self%books%through = 0.0_wp
+    self%books%leaks = 0
     self%accepted_books = self%books
   end subroutine forget_books
 
@@ -267,11 +270,13 @@ contains
     end do
     n = n + int(size(self%inflow), i4)
     do k = 1, size(self%leak)
-      volume(n + k) = self%step%dt*self%leak(k)%rate
+      call reactions_of(self%leak(k), left, volume(n + k))
+      volume(n + k) = volume(n + k) + self%step%dt*self%leak(k)%rate
     end do
     associate (b => self%books, old => self%accepted_books)
       b%entered = old%entered + volume
       b%through = old%through + sum(abs(volume))
+      b%leaks = old%leaks + leaking(self%leak)
       if (self%step%dt > 0.0_wp) b%rate = volume/self%step%dt
     end associate
   end subroutine enter

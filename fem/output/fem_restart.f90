@@ -227,6 +227,7 @@ contains
                                       b%through, b%entered, b%rate], errors)
       call file%put('/state/liquid_start', body%pore%start, errors)
       if (body%pore%unsaturated) call file%put('/state/liquid_kept', b%kept, errors)
+      if (size(body%pore%leak) > 0) call file%put('/state/liquid_leaks', real(b%leaks, wp), errors)
     end associate
   end subroutine put_liquid
 
@@ -235,18 +236,22 @@ contains
     type(fem_body_type), intent(inout) :: body
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: values(:)
+    real(wp) :: leaks
     integer(i4) :: n
     n = int(size(body%pore%books%entered), i4)
     allocate (values(6 + 2*n))
     call file%get_into('/state/liquid', values, errors)
     call file%get_into('/state/liquid_start', body%pore%start, errors)
     if (body%pore%unsaturated) call file%get('/state/liquid_kept', body%pore%books%kept, errors)
+    leaks = 0.0_wp
+    if (size(body%pore%leak) > 0) call file%get('/state/liquid_leaks', leaks, errors)
     if (errors%any()) return
     associate (e => body%energy, b => body%pore%books)
       e%liquid = values(1)
       e%darcy = values(2)
       e%flow = values(3)
       b%content = values(4)
+      b%leaks = nint(leaks, i4)
       b%numerical = values(5)
       b%through = values(6)
       b%entered = values(7:6 + n)

@@ -154,6 +154,7 @@ contains
     call model%log%health('energy error '//short_number(energy_error(model%body))//', '// &
                          str(model%body%system%solver%factorisations)//' factorisations')
     call health%warn(model%log)
+    call tell_leaks(model)
     call model%log%timer_table(model%timers)
     call errors%locate(model%options%deck)
     call model%log%faults(errors)
@@ -168,8 +169,10 @@ contains
     call summary%set('health.factorisations', model%body%system%solver%factorisations)
     if (model%body%system%solver%iterative) call summary%set('health.iterations', &
       model%body%system%solver%iterations)
-    if (model%body%pore%active) &
+    if (model%body%pore%active) then
       call summary%set('health.liquid_balance', balance_error(model%body))
+      call summary%set('health.face_leaks', model%body%pore%accepted_books%leaks)
+    end if
     call model%analysis%summarise(model%body, summary)
     call summary%set_timers(model%timers)
     call summary%set_errors(errors)
@@ -180,6 +183,17 @@ contains
     call model%log%close()
     call model%lock%release()
   end subroutine finish_run
+
+  !> Warning W434 of nodes that changed sides until they were leaks.
+  subroutine tell_leaks(model)
+    type(fem_model_type), intent(inout) :: model
+    if (.not. model%body%pore%active) return
+    if (model%body%pore%accepted_books%leaks == 0) return
+    call model%log%warn('W434'//': nodes of &seepage or &infiltration did not come to rest and '// &
+      'were leaks of ten times the conductance of an element, '// &
+      str(model%body%pore%accepted_books%leaks)//' in all steps together: pressures there are '// &
+      'somewhat above those outside')
+  end subroutine tell_leaks
 
   !> Does a run that has come to its end leave a checkpoint, from which another deck may go on?
   logical function keeps_end(model)

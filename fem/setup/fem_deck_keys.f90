@@ -1487,7 +1487,7 @@ contains
     call table%add_group('seepage', 1, &
       'A face to the open air that liquid may leave but not enter: p <= 0, flow ' &
       //'outward, and one of both is zero at every node. Where nothing leaves the face is' &
-      //' impervious. It is a leak of 10 000 times the conductance of an element.', repeats=.true.)
+      //' impervious. Which nodes let out is found in each step.', repeats=.true.)
     call table%add_key('group', 'string', '', 'Facet group.')
     call table%need()
   end subroutine group_seepage

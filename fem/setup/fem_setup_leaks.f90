@@ -104,8 +104,8 @@ contains
     call append_leak(body, leak, share)
   end subroutine read_leak
 
-  !> A &seepage face: a leak to the atmosphere that only lets out, and far more pervious than the
-  !! elements: p is wrong by a ten-thousandth of its change over one of them.
+  !> A &seepage face: nodes that keep the pressure of the atmosphere or let nothing pass; as leaks
+  !! they are more pervious than the elements.
   subroutine read_seepage(deck, body, k, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -124,12 +124,12 @@ contains
     call append_leak(body, leak, openness(body, share)*share)
   end subroutine read_seepage
 
-  !> Conductance by area of a face that is far more pervious than the elements [m/(Pa s)]; `share`
-  !! has the areas of its nodes.
+  !> Conductance by area of nodes that do not come to rest [m/(Pa s)], ten times that of elements;
+  !! `share` has the areas of the nodes.
   pure real(wp) function openness(body, share)
     type(fem_body_type), intent(in) :: body
     real(wp), intent(in) :: share(:)  !! (blocks) [m^2]
-    real(wp), parameter :: pervious = 1.0e4_wp
+    real(wp), parameter :: pervious = 10.0_wp
     real(wp) :: most
     integer(i4) :: s
     most = 0.0_wp
@@ -139,8 +139,7 @@ contains
     openness = pervious*most/sqrt(sum(share)/count(share > 0.0_wp))
   end function openness
 
-  !> An &infiltration: a rate until the pressure is that under a pond, which then is held, by a face
-  !! as that of seepage.
+  !> An &infiltration: a rate until the pressure is that under a pond, which then is held.
   subroutine read_infiltration(deck, body, k, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
@@ -174,11 +173,25 @@ contains
     integer(i4) :: n, b
     leak%block = pack([(b, b=1, body%dofs%blocks)], share > 0.0_wp)
     leak%conductance = pack(share, share > 0.0_wp)
-    allocate (leak%open(size(leak%block)), source=.not. leak%one_way)
+    if (leak%one_way .or. allocated(leak%most)) call begin_switch(body%supports%held, leak)
+    allocate (leak%open(size(leak%block)), source=.not. allocated(leak%held))
     n = int(size(body%pore%leak), i4)
     allocate (longer(n + 1))
     longer(:n) = body%pore%leak
     longer(n + 1) = leak
     call move_alloc(longer, body%pore%leak)
   end subroutine append_leak
+
+  !> A face that switches; nodes with a pressure of the deck are none of its.
+  pure subroutine begin_switch(held, leak)
+    logical, intent(in) :: held(:, :)  !! (3, blocks)
+    type(fem_leak_type), intent(inout) :: leak
+    logical :: free(size(leak%block))
+    free = .not. held(1, leak%block)
+    leak%block = pack(leak%block, free)
+    leak%conductance = pack(leak%conductance, free)
+    if (allocated(leak%most)) leak%most = pack(leak%most, free)
+    allocate (leak%held(size(leak%block)), source=.false.)
+    allocate (leak%flips(size(leak%block)), source=0_i4)
+  end subroutine begin_switch
 end module fem_setup_leaks

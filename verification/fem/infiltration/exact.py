@@ -148,10 +148,10 @@ def judge_rain(case: Case) -> None:
     late = books["time"] > START
     case.metric("pond: first inflow / rain", float(inflow[late][0] / RAIN), 1.0, 1e-12)
     steady = CONDUCTIVITY * (HEIGHT + POND) / HEIGHT
-    case.metric("pond: steady flow / exact", float(inflow[-1] / steady), 1.0, 1e-4)
+    case.metric("pond: steady flow / exact", float(inflow[-1] / steady), 1.0, 1e-9)
     z = heights("hex8_bbar", 10, case)
     top = field_steps(stem.with_suffix(".h5"))[-1].solid["pore_pressure"][np.isclose(z, HEIGHT)]
-    case.metric("pond: head / depth", float(top.mean() / WEIGHT / POND), 1.0, 1e-3)
+    case.metric("pond: head / depth", float(top.mean() / WEIGHT / POND), 1.0, 1e-12)
 
 
 def run(case: Case) -> None:

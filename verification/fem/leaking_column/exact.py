@@ -84,7 +84,7 @@ def judge_seepage(case: Case, z: np.ndarray, ax: object) -> None:
     loaded = [k for k, s in enumerate(held) if 0 < s.time < END / 2 * 1.001]
     p, wanted = ([s.solid["pore_pressure"] for s in steps] for steps in (seeping, held))
     off = [np.abs(p[k] - wanted[k]).max() for k in loaded]
-    case.below("seepage: pressure against a held one, difference / p0", max_of(off) / LOAD, 1e-3)
+    case.below("seepage: pressure against a held one, difference / p0", max_of(off) / LOAD, 1e-12)
     books = read_history(case.folder / "seepage_pore.csv")
     flow = books["z1 seepage inflow"]
     case.below("seepage: largest inflow [m3/s]", float(flow.max()), 0.0)

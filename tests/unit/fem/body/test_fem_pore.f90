@@ -9,7 +9,7 @@ program test_fem_pore
   use fem_kinds, only: hex8
   use fem_pore, only: fem_pore_type
   use fem_pore_element, only: fem_flow_energy_type, fem_skeleton_type, kozeny_carman
-  use fem_pore_faces, only: fem_leak_type
+  use fem_pore_faces, only: fem_leak_type, most_flips
   use fem_sparse, only: fem_pattern_type, make_pattern, multiply_general
   use fem_topology, only: set_elements
   use fem_types, only: fem_mesh_type
@@ -149,11 +149,13 @@ contains
     call test%check('books are cleared', max_abs(pore%accepted_books%entered) <= 0.0_wp)
   end subroutine check_books
 
-  !> A one-way leak lets out and nothing in.
+  !> A restless one-way face lets out and nothing in; nodes that are held give their reaction.
   subroutine check_one_way()
     real(wp), dimension(3, dofs%blocks) :: old, moved, f
     pore%leak(1)%one_way = .true.
     pore%leak(1)%now = 0.0_wp
+    allocate (pore%leak(1)%held(4), source=.false.)
+    allocate (pore%leak(1)%flips(4), source=most_flips)
     old = 0.0_wp
     moved = 0.0_wp
     moved(1, dofs%solid + 1:) = 1.0_wp
@@ -163,6 +165,15 @@ contains
     call pore%force(mesh, dofs, elastic, old, -moved, f)
     call test%check('suction shuts it', abs(pore%leak(1)%rate) <= 0.0_wp)
     call test%check('all of it', .not. any(pore%leak(1)%open))
+    call pore%enter(0.0_wp*f(1, :))
+    call test%check('leaks are counted', pore%books%leaks == pore%accepted_books%leaks + 4)
+    pore%leak(1)%held = [.true., .true., .false., .false.]
+    pore%leak(1)%flips = 0
+    call pore%force(mesh, dofs, elastic, old, moved, f)
+    f(1, :) = 2.0_wp
+    call pore%enter(f(1, :))
+    call test%check('reactions of a face are booked', &
+      abs(pore%books%entered(1) - pore%accepted_books%entered(1) - 4.0_wp) < 1e-15_wp)
   end subroutine check_one_way
 
   !> Uniform compression makes all elements less permeable by the law.

@@ -1,10 +1,11 @@
-!> Faces whose flow depends on the pressure: a leak both ways, seepage outward alone, infiltration
-!! inward at most at its rate; slopes are those of differences.
+!> Faces whose flow depends on the pressure: a leak both ways, restless nodes of seepage outward
+!! alone, those of infiltration inward at most at its rate; slopes are those of differences. At rest
+!! they let in what may enter, or by their reaction.
 program test_fem_pore_faces
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
   use fem_pore_element, only: fem_flow_step_type
-  use fem_pore_faces, only: fem_leak_type, add_leaks, let_in
+  use fem_pore_faces, only: fem_leak_type, add_leaks, let_in, most_flips
   use fem_sparse, only: fem_pattern_type
   implicit none
   type(test_type) :: test
@@ -17,6 +18,7 @@ program test_fem_pore_faces
                   [0.0_wp, 0.0_wp, -0.5_wp])
   call check_face('infiltration', face_of(.false., 0.7_wp), [-3.0_wp, 1.0_wp, 5.0_wp], &
                   [0.7_wp, 0.5_wp, -0.5_wp])
+  call check_rest()
   call test%finish()
 
 contains
@@ -34,6 +36,9 @@ contains
     allocate (face%open(1), source=.not. one_way)
     face%raining = 0.5_wp
     if (rain > 0.0_wp) face%most = [2.0_wp*rain]
+    if (.not. (one_way .or. rain > 0.0_wp)) return
+    face%held = [.false.]
+    face%flips = [most_flips]
   end function face_of
 
   !> Inflows for pressures at the start and the end, and their slopes.
@@ -61,4 +66,22 @@ contains
       call test%check_close(name//': rate of the face', leak(1)%rate, rate(1, 1), 1.0e-14_wp)
     end do
   end subroutine check_face
+
+  !> Nodes at rest: the rain, or nothing beside the reaction, whatever the pressure.
+  subroutine check_rest()
+    type(fem_leak_type) :: leak(1)
+    real(wp) :: rate(1), gross(1), wanted
+    integer(i4) :: i
+    do i = 1, 4
+      leak(1) = face_of(i > 2, merge(0.7_wp, 0.0_wp, i <= 2))
+      leak(1)%flips = most_flips - 1
+      leak(1)%held = modulo(i, 2) == 0
+      wanted = merge(0.7_wp, 0.0_wp, i == 1)
+      rate = 0.0_wp
+      gross = 0.0_wp
+      call let_in(leak, step, [5.0_wp], [-5.0_wp], rate, gross)
+      call test%check_close('at rest', rate(1), wanted, 1.0e-15_wp)
+      call test%check('no slope', .not. leak(1)%open(1))
+    end do
+  end subroutine check_rest
 end program test_fem_pore_faces
