@@ -4,6 +4,7 @@
 module fem_newmark
   use talus_kinds, only: wp
   use fem_body, only: fem_body_type
+  use fem_pore_motion, only: lacking_inertia
   use fem_sparse, only: multiply_mass
   implicit none
   private
@@ -44,8 +45,8 @@ contains
     associate (s => self%state, old => self%accepted, fixed => self%supports%held &
       .or. self%port%prescribed)
       moved = s%u - old%u
-      if (self%scheme%lag <= 0.0_wp .and. abs(self%scheme%gamma - 0.5_wp) + abs(self%scheme%beta &
-        - 0.25_wp) <= 0.0_wp &
+      if (.not. self%pore%unsaturated .and. self%scheme%lag <= 0.0_wp &
+          .and. abs(self%scheme%gamma - 0.5_wp) + abs(self%scheme%beta - 0.25_wp) <= 0.0_wp &
           .and. .not. any(fixed .and. abs(moved) + abs(s%v) + abs(old%v) + abs(s%a) + abs(old%a) &
                           > 0.0_wp)) return
       mean = 0.5_wp*(s%a + old%a)
@@ -60,8 +61,24 @@ contains
       call multiply_mass(self%system%pattern, self%system%mass, mean, product)
       supports = supports + sum(defect*product)
       left = left - sum((s%v - old%v)*product)
+      if (self%pore%unsaturated) left = left + lost_with_liquid(self, moved)
       self%energy%support = self%energy%support - supports
       self%energy%numerical = self%energy%numerical + left - supports
     end associate
   end subroutine dynamic_work
+
+  !> The same sum for the masses that unsaturated pores lack: it has what liquid takes along or
+  !! brings, too, as masses change in the step [J].
+  function lost_with_liquid(self, moved) result(work)
+    type(fem_body_type), intent(in) :: self
+    real(wp), intent(in) :: moved(:, :)  !! (3, blocks)
+    real(wp) :: work
+    associate (s => self%state, old => self%accepted)
+      work = 0.5_wp*(sum(old%v*lacking_inertia(self, old%u, old%v)) &
+                     - sum(s%v*lacking_inertia(self, s%u, s%v)))
+      if (self%scheme%lag > 0.0_wp) return  ! the balances of HHT have the accelerations
+      work = work + 0.5_wp*sum(moved*(lacking_inertia(self, old%u, old%a) &
+        + lacking_inertia(self, s%u, s%a)))
+    end associate
+  end function lost_with_liquid
 end module fem_newmark

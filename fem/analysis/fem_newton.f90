@@ -10,6 +10,7 @@ module fem_newton
     resting_force, same_matrix, swing, take_length, tight, work_on
   use fem_follower, only: follower_force, add_follower_stiffness
   use fem_newmark, only: newmark_motion, dynamic_work
+  use fem_pore_motion, only: add_lacking, lacking_inertia
   use fem_seepage, only: begin_faces, carry_faces, cut_faces, fixed_now, lack_at_faces, &
     settle_faces, turn_faces
   use fem_sparse, only: add_springs, largest_entry, multiply_general, multiply_mass, spring_force
@@ -341,6 +342,8 @@ contains
           *matrix_step(self, part%dt))
         mass_term = 1.0_wp/(self%scheme%beta*matrix_step(self, part%dt)**2) + rate*self%damping%mass
         call self%damping%add_dashpots(self%system%pattern, rate, self%system%k)
+        call add_lacking(self, 1.0_wp/(self%scheme%beta*matrix_step(self, part%dt)**2), &
+          self%system%k, self%system%lower)
       end if
       call cut_faces(self)
       call self%system%solver%factor(self%system%pattern, self%system%k, self%system%mass, &
@@ -413,6 +416,7 @@ contains
       if (self%scheme%dynamic) then
         call newmark_motion(self, part%dt)
         call multiply_mass(self%system%pattern, self%system%mass, s%a, part%inertia)
+        if (self%pore%unsaturated) part%inertia = part%inertia + lacking_inertia(self, s%u, s%a)
         call self%viscous_force(s%v, s%viscous)
         part%raw = (1.0_wp - self%scheme%lag)*(part%raw - s%viscous) &
           + self%scheme%lag*part%balance - part%inertia
@@ -573,6 +577,7 @@ contains
     real(wp) :: momentum(3, self%dofs%blocks)
     associate (s => self%state, old => self%accepted, e => self%energy)
       call multiply_mass(self%system%pattern, self%system%mass, s%v, momentum)
+      if (self%pore%unsaturated) momentum = momentum + lacking_inertia(self, s%u, s%v)
       e%kinetic = 0.5_wp*sum(s%v*momentum)
       e%damping = e%damping + 0.5_wp*sum(moved*(s%viscous + old%viscous))
       call dynamic_work(self, part%dt, part%inertia, part%balance)

@@ -4,6 +4,7 @@ module fem_start
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use fem_body, only: fem_body_type
+  use fem_pore_motion, only: add_lacking, lacking_inertia
   use fem_sparse, only: multiply_mass
   implicit none
   private
@@ -38,6 +39,7 @@ contains
         if (maxval(abs(residual)) > 0.0_wp) call consistent_start(self, fixed, residual, errors)
         if (errors%any()) return
         call multiply_mass(self%system%pattern, self%system%mass, s%v, momentum)
+        momentum = momentum + lacking_inertia(self, s%u, s%v)
       end if
       self%energy%kinetic = 0.5_wp*sum(s%v*momentum)
     end associate
@@ -69,21 +71,24 @@ contains
     logical, intent(in) :: fixed(:, :)
     real(wp), intent(in) :: residual(:, :)  !! [N, N m]
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: none(:, :, :)
+    real(wp), allocatable :: none(:, :, :), below(:, :, :)
     real(wp) :: inertia(3, self%dofs%blocks)
 
     call self%hold_pressures(.true.)  ! which have no mass
     call self%number(errors)
     if (errors%any()) return
     allocate (none(3, 3, size(self%system%mass)), source=0.0_wp)
+    allocate (below, source=none)
+    call add_lacking(self, 1.0_wp, none, below)
     call self%system%solver%factor(self%system%pattern, none, self%system%mass, 1.0_wp, errors, &
-      none)
+      below)
     call self%system%forget_factors()
     if (errors%any()) return
     call self%system%solver%solve(self%system%pattern, residual, self%state%a, errors)
     call self%hold_pressures(.false.)
     if (errors%any()) return
     call multiply_mass(self%system%pattern, self%system%mass, self%state%a, inertia)
+    inertia = inertia + lacking_inertia(self, self%state%u, self%state%a)
     self%state%reaction = merge(inertia - residual, 0.0_wp, fixed)
   end subroutine consistent_start
 end module fem_start

@@ -21,7 +21,7 @@ module fem_pore
     moist_means, moist_size
   implicit none
   private
-  public :: fem_pore_type
+  public :: fem_pore_type, shape_of
 
   integer(i4), parameter :: chunks = 64       !! of elements, whatever the number of threads
   real(wp), parameter :: least = 1.0e-5_wp    !! share of volumes that cancel in a balance's size

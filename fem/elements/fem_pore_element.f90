@@ -23,6 +23,7 @@ module fem_pore_element
   public :: fem_flow_change_type
   public :: constant_permeability, kozeny_carman, by_void_ratio, permeability_factor, mean_strain
   public :: wet_shape, wet_force, wet_matrix, wet_energy, wet_content, wet_size, darcy_flow
+  public :: add_drag, fall_at
 
   !> How permeability depends on the pores.
   integer(i4), parameter :: constant_permeability = 1, kozeny_carman = 2, by_void_ratio = 3

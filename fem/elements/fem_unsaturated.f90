@@ -11,13 +11,13 @@
 module fem_unsaturated
   use talus_kinds, only: wp, i4
   use fem_pore_element, only: fem_flow_change_type, fem_flow_energy_type, fem_flow_step_type, &
-    fem_skeleton_type, fem_wet_type, darcy_flow
+    fem_skeleton_type, fem_wet_type, add_drag, darcy_flow, fall_at
   use fem_retention, only: no_retention, bear, conduct, retain
   use fem_rules, only: fem_formulation_type
   implicit none
   private
   public :: has_retention, moist_force, moist_matrix, moist_energy, moist_gain, moist_size
-  public :: moist_flow, moist_means
+  public :: moist_flow, moist_inertia, moist_mass, moist_means
 
   !> An element's integrals, and its corners at start and end of a step.
   type :: moist_type
@@ -102,7 +102,8 @@ contains
     flow = -gained(self) - matmul(wet%steady, d)
     do q = 1, rule%at%n
       flow = flow + step%dt*wet%shape%weight(q) &
-        *matmul(moist_flow(rule, skeleton, wet, step%gravity, mean, q), wet%slope(:, :, q))
+        *matmul(moist_flow(rule, skeleton, wet, fall_at(rule, step, change, q), mean, q), &
+                wet%slope(:, :, q))
     end do
     force = reshape(-matmul(self%squeeze, self%borne(:, 2)), shape(force)) &
       - lightened(rule, skeleton, wet, step, self%s(:, 2) - 1.0_wp)
@@ -133,7 +134,7 @@ contains
     type(fem_formulation_type), intent(in) :: rule
     type(fem_skeleton_type), intent(in) :: skeleton
     type(fem_wet_type), intent(in) :: wet
-    real(wp), intent(in) :: fall(3)  !! gravity [m/s^2]
+    real(wp), intent(in) :: fall(3)  !! gravity less the acceleration [m/s^2]
     real(wp), intent(in) :: p(:)
     integer(i4), intent(in) :: q
     real(wp) :: w(3), share, slope
@@ -151,7 +152,7 @@ contains
     type(fem_flow_change_type), intent(in) :: change
     real(wp), intent(out) :: coupling(:, :, :), flow(:, :)
     type(moist_type) :: self
-    real(wp) :: unit(rule%corners), mean(rule%corners), share, slope, by(3)
+    real(wp) :: unit(rule%corners), mean(rule%corners), share, slope, by(3), drag
     integer(i4) :: a, q
     call moisten(rule, skeleton, wet, change, self)
     flow = -wet%steady
@@ -166,16 +167,79 @@ contains
                                       + skeleton%grains*self%lift(a))
     end do
     mean = change%p(:, 1) + step%theta*(change%p(:, 2) - change%p(:, 1))
+    drag = step%dt*step%theta*skeleton%density*step%inertia
     do q = 1, rule%at%n
       call conduct(skeleton%retention, dot_product(rule%at%corner(:, q), mean), share, slope)
       do a = 1, rule%corners
-        by = slope*rule%at%corner(a, q)*darcy_flow(skeleton, wet, step%gravity, mean, q) &
-          - share*skeleton%mobility*wet%slope(:, a, q)
+        if (drag > 0.0_wp) call add_drag(-wet%shape%weight(q)*share*drag*skeleton%mobility &
+          *wet%slope(:, a, q), rule%at%u(:, q), coupling(:, a, 2))
+        by = slope*rule%at%corner(a, q)*darcy_flow(skeleton, wet, fall_at(rule, step, change, q), &
+          mean, q) - share*skeleton%mobility*wet%slope(:, a, q)
         flow(:, a) = flow(:, a) + step%theta*step%dt*wet%shape%weight(q) &
           *matmul(by, wet%slope(:, :, q))
       end do
     end do
   end subroutine moist_matrix
+
+  !> Mass of the liquid that saturations at the corners lack at point q, negative [kg].
+  pure real(wp) function lacking(rule, skeleton, wet, s, q)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    real(wp), intent(in) :: s(:)  !! (corners) less 1, or a change of them
+    integer(i4), intent(in) :: q
+    lacking = wet%shape%weight(q)*skeleton%porosity*skeleton%density &
+      *dot_product(rule%at%corner(:, q), s)
+  end function lacking
+
+  !> Inertia that an element lacks, whose pores hold less than all liquid: int N n rho_f (S - 1) a
+  !! (3, nodes) [N]. eq. F.91
+  pure function moist_inertia(rule, skeleton, wet, p, a) result(force)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    real(wp), intent(in) :: p(:)     !! (corners) [Pa]
+    real(wp), intent(in) :: a(:, :)  !! (3, nodes) [m/s^2]
+    real(wp) :: force(3, rule%nodes)
+    real(wp), dimension(rule%corners) :: s, slope
+    integer(i4) :: q, b
+    call retain(skeleton%retention, p, s, slope)
+    force = 0.0_wp
+    do q = 1, rule%at%n
+      do b = 1, rule%nodes
+        force(:, b) = force(:, b) + lacking(rule, skeleton, wet, s - 1.0_wp, q)*rule%at%u(b, q) &
+          *matmul(a, rule%at%u(:, q))
+      end do
+    end do
+  end function moist_inertia
+
+  !> Slopes of `moist_inertia`: by accelerations (nodes, nodes) [kg], the same for all components,
+  !! and by pressures of the corners (3 nodes, corners) [m^2].
+  pure subroutine moist_mass(rule, skeleton, wet, p, a, mass, by_p)
+    type(fem_formulation_type), intent(in) :: rule
+    type(fem_skeleton_type), intent(in) :: skeleton
+    type(fem_wet_type), intent(in) :: wet
+    real(wp), intent(in) :: p(:)     !! (corners) [Pa]
+    real(wp), intent(in) :: a(:, :)  !! (3, nodes) [m/s^2]
+    real(wp), intent(out) :: mass(:, :), by_p(:, :)
+    real(wp), dimension(rule%corners) :: s, slope, unit
+    integer(i4) :: q, b
+    call retain(skeleton%retention, p, s, slope)
+    mass = 0.0_wp
+    by_p = 0.0_wp
+    do q = 1, rule%at%n
+      associate (n => rule%at%u(:, q))
+        do b = 1, rule%nodes
+          mass(:, b) = mass(:, b) + lacking(rule, skeleton, wet, s - 1.0_wp, q)*n(b)*n
+        end do
+        do b = 1, rule%corners
+          unit = 0.0_wp
+          unit(b) = slope(b)
+          call add_drag(lacking(rule, skeleton, wet, unit, q)*matmul(a, n), n, by_p(:, b))
+        end do
+      end associate
+    end do
+  end subroutine moist_mass
 
   !> Liquid that a step brings into an element [m^3].
   pure real(wp) function moist_gain(rule, skeleton, wet, change)
@@ -225,13 +289,14 @@ contains
       energy%weight = sum(moved*lightened(rule, skeleton, wet, step, &
                                           0.5_wp*(self%s(:, 1) + self%s(:, 2)) - 1.0_wp))
       do q = 1, rule%at%n
-        w = moist_flow(rule, skeleton, wet, step%gravity, mean, q)
-        fall = skeleton%density*step%gravity
+        fall = fall_at(rule, step, change, q)
+        w = moist_flow(rule, skeleton, wet, fall, mean, q)
         dt = step%dt*wet%shape%weight(q)
-        energy%fall = energy%fall + dt*dot_product(fall, w)
-        energy%darcy = energy%darcy + dt*dot_product(fall - matmul(wet%slope(:, :, q), mean), w)
-        energy%numerical = energy%numerical &
-          + dt*(step%theta - 0.5_wp)*dot_product(matmul(wet%slope(:, :, q), d), w)
+        energy%fall = energy%fall + dt*skeleton%density*dot_product(step%gravity, w)
+        energy%darcy = energy%darcy + dt*dot_product(skeleton%density*fall &
+          - matmul(wet%slope(:, :, q), mean), w)
+        energy%numerical = energy%numerical + dt*dot_product((step%theta - 0.5_wp) &
+          *matmul(wet%slope(:, :, q), d) + skeleton%density*(step%gravity - fall), w)
       end do
     end associate
   end function moist_energy

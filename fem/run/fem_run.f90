@@ -145,6 +145,7 @@ contains
     associate (e => body%energy)
       stored = e%strain + e%kinetic
       if (body%scheme%explicit) stored = stored + e%numerical
+      if (body%pore%unsaturated) stored = stored + e%liquid  ! suction gives what the skeleton takes
       if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring)) &
           + round_off*(e%strain + e%kinetic)) return
       node = int(maxloc(sum(body%state%v**2, 1), 1), i4)

@@ -82,19 +82,12 @@ contains
     type(error_list_type), intent(inout) :: errors
     character(len=*), parameter :: kinds(3) = [character(len=7) :: 'static', 'newmark', 'hht']
     character(len=:), allocatable :: kind, text
-    integer(i4) :: k
     call deck%get('analysis', 1, 'kind', kind)
     if (all(kinds /= kind)) then
       call deck%fault(errors, 'D446', "kind = '"//kind//"' has no pore pressures", 'analysis', 1, &
         'kind', "take kind = 'static', consolidation in time, or 'newmark' or 'hht'")
       return
     end if
-    do k = 1, deck%count('pore')
-      call deck%get('pore', k, 'retention', text)
-      if (text /= 'none' .and. kind /= 'static') call deck%fault(errors, 'D476', &
-        'unsaturated pores have no dynamics', 'pore', k, 'retention', &
-        "take kind = 'static', or full pores, retention = 'none'")
-    end do
     call deck%get('analysis', 1, 'continuation', text)
     if (text /= 'load') call deck%fault(errors, 'D446', &
       'a path by arc length has no times, consolidation needs them', 'analysis', 1, &
@@ -230,6 +223,9 @@ contains
     if (.not. minval(body%pore%skeleton%storage) > 0.0_wp) call deck%fault(errors, 'D446', &
       'waves in an incompressible liquid have no speed that faces could absorb', 'absorbing', 1, &
       '', 'give the &fluid a bulk_modulus')
+    if (any(has_retention(body%pore%skeleton))) call deck%fault(errors, 'D477', &
+      'absorbing faces have the speed of waves in full pores', 'absorbing', 1, '', &
+      "take retention = 'none', or put the face so far away that nothing comes back in time")
     do e = 1, body%mesh%elements
       if (body%pore%skeleton_of(e) == 0) cycle
       associate (rule => body%elastic%rule(body%elastic%rule_of(e)))

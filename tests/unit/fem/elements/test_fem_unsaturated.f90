@@ -10,7 +10,8 @@ program test_fem_unsaturated
     fem_flow_change_type, fem_flow_energy_type, wet_content, wet_force, wet_shape
   use fem_retention, only: fem_retention_type, by_mualem, retain, van_genuchten
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
-  use fem_unsaturated, only: moist_energy, moist_force, moist_gain, moist_matrix, moist_means
+  use fem_unsaturated, only: moist_energy, moist_force, moist_gain, moist_inertia, moist_mass, &
+    moist_matrix, moist_means
   implicit none
   character(len=*), parameter :: names(5) = [character(len=10) :: 'hex20', 'tet10', &
     'hex8_bbar', 'tet4', 'hex27']
@@ -32,6 +33,7 @@ program test_fem_unsaturated
     call make_rule(rule_index(trim(names(k))), rule)
     call place_element()
     call check_slopes(trim(names(k)))
+    call check_motion(trim(names(k)))
     call check_sums(trim(names(k)))
     call check_energy(trim(names(k)))
     call check_weight(trim(names(k)))
@@ -98,6 +100,63 @@ contains
     call test%check(name//': not symmetric', max_abs(flow - transpose(flow)) &
       > 1.0e-3_wp*max_abs(flow))
   end subroutine check_slopes
+
+  !> In dynamics the liquid falls with the acceleration, and pores lack its inertia: slopes are
+  !! those of differences, a uniform acceleration makes the weight of what is lacking.
+  subroutine check_motion(name)
+    character(len=*), intent(in) :: name
+    real(wp) :: coupling(3*rule%nodes, rule%corners, 2), flow(rule%corners, rule%corners)
+    real(wp) :: f(3, rule%nodes, 2), v(rule%corners, 2), off(3), mass(rule%nodes, rule%nodes)
+    real(wp) :: by_p(3*rule%nodes, rule%corners), a(3, rule%nodes)
+    real(wp), parameter :: dp = 1.0_wp, du = 1.0e-5_wp
+    type(fem_flow_change_type) :: other, shaken
+    integer(i4) :: k, i
+    step%inertia = 40.0_wp
+    shaken = change
+    shaken%a = step%theta*step%inertia*change%moved
+    call moist_matrix(rule, skeleton, wet, step, shaken, coupling, flow)
+    off = 0.0_wp
+    do k = 1, rule%nodes
+      do i = 1, 2
+        other = shaken
+        other%moved(3, k) = other%moved(3, k) + du*(2*i - 3)
+        other%a = step%theta*step%inertia*other%moved
+        call moist_force(rule, skeleton, wet, step, other, f(:, :, i), v(:, i))
+      end do
+      off(1) = max(off(1), max_abs((v(:, 2) - v(:, 1))/(2*du) - coupling(3*k, :, 2)))
+    end do
+    a = step%inertia*change%moved
+    call moist_mass(rule, skeleton, wet, change%p(:, 2), a, mass, by_p)
+    do k = 1, rule%corners
+      do i = 1, 2
+        other = shaken
+        other%p(k, 2) = other%p(k, 2) + dp*(2*i - 3)
+        f(:, :, i) = moist_inertia(rule, skeleton, wet, other%p(:, 2), a)
+      end do
+      off(2) = max(off(2), max_abs(reshape(f(:, :, 2) - f(:, :, 1), [3*rule%nodes])/(2*dp) &
+        - by_p(:, k)))
+    end do
+    f(:, :, 1) = moist_inertia(rule, skeleton, wet, change%p(:, 2), a)
+    off(3) = max_abs(f(:, :, 1) - matmul(a, mass))
+    off = off/[max_abs(coupling(:, :, 2)), max_abs(by_p), max_abs(f(:, :, 1))]
+    call test%check(name//': slopes of motion, '//str(maxval(off)), maxval(off) < 1.0e-6_wp)
+    call check_uniform(name)
+    step%inertia = 0.0_wp
+  end subroutine check_motion
+
+  !> A uniform acceleration of pores with one saturation.
+  subroutine check_uniform(name)
+    character(len=*), intent(in) :: name
+    real(wp) :: a(3, rule%nodes), p(rule%corners), s, unused, total(3)
+    a = spread([2.0_wp, -1.0_wp, 0.5_wp], 2, rule%nodes)
+    p = -4.0e3_wp
+    call retain(skeleton%retention, p(1), s, unused)
+    total = sum(moist_inertia(rule, skeleton, wet, p, a), 2)
+    call test%check_all_close(name//': inertia of what lacks', total/(skeleton%porosity &
+      *skeleton%density*(s - 1.0_wp)*sum(wet%shape%weight)), a(:, 1), 1.0e-13_wp)
+    call test%check(name//': full pores lack none', max_abs(moist_inertia(rule, skeleton, wet, &
+      -p, a)) <= 0.0_wp)
+  end subroutine check_uniform
 
   !> Corners lose what the element gains, by the state alone: one step or two.
   subroutine check_sums(name)
