@@ -18,8 +18,12 @@ COLUMN = (
     (0.2, -0.000346690443779, (5020.44115968, 4806.16795356, 3350.64791212)),
     (0.3, -0.00049422820707, (5768.21195861, 5354.67999555, 3079.95487185)),
 )
-# frequency [Hz], amplitudes of the top [m/Pa] and of the pressure at the base [-]
-HARMONIC = ((5.0, 2.52541486897e-09, 0.985130640255), (20.0, 1.75766883237e-09, 1.06107423492))
+# frequency [Hz], amplitudes and phases of the top [m/Pa], [rad] and of the pressure at the base [-]
+HARMONIC = (
+    (5.0, (2.52541486897e-09, 2.63484225704), (0.985130640255, -0.000596453309777)),
+    (20.0, (1.75766883237e-09, 2.78328263442), (1.06107423492, -0.00247534609876)),
+    (50.0, (1.9231095512e-09, 2.93016828843), (1.76322601234, -0.00809847701599)),
+)
 CYCLES, RAMP, STEPS = 14, 8, 60
 POISSON = 0.2
 CONFINED = (1 - POISSON) / (1 + POISSON) / (1 - 2 * POISSON)
@@ -154,8 +158,11 @@ def judge_harmonic(case: Case, ax: object) -> None:
         for what, values, exact in (("top", u, top), ("base", p, base)):
             fit = np.linalg.lstsq(basis, values / 1000.0, rcond=None)[0]
             case.metric(f"{frequency:.0f} Hz: amplitude of the {what} / exact",
-                        float(np.hypot(*fit[:2]) / exact), 1.0, 0.01)  # fmt: skip
-        ax.plot(phase / 2 / np.pi, p / 1000.0 / base, label=f"{frequency:.0f} Hz, p at the base")
+                        float(np.hypot(*fit[:2]) / exact[0]), 1.0, 0.01)  # fmt: skip
+            late_by = np.arctan2(fit[1], fit[0]) - exact[1]
+            case.below(f"{frequency:.0f} Hz: phase of the {what}, error [rad]",
+                       float(abs((late_by + np.pi) % (2 * np.pi) - np.pi)), 0.01)  # fmt: skip
+        ax.plot(phase / 2 / np.pi, p / 1000.0 / base[0], label=f"{frequency:.0f} Hz, p at the base")
     ax.set(xlabel="cycles", ylabel="p / exact amplitude [-]")
     ax.legend()
 
