@@ -134,8 +134,9 @@ def judge_restart(case: Case) -> None:
 
 def judge_harmonic(case: Case, ax: object) -> None:
     """Judge amplitudes after a load that grows to a harmonic one over eight cycles."""
-    z = write_column(case, "harmonic", 5.0, 60)
     for frequency, top, base in HARMONIC:
+        # three elements over the depth to which the drained top is felt, sqrt(2 c_v/omega)
+        z = write_column(case, "harmonic", 5.0, round(60 * np.sqrt(frequency / 5.0)))
         period = 1 / frequency
         times = np.linspace(0.0, CYCLES * period, CYCLES * STEPS + 1)
         growth = np.clip(times / (RAMP * period), 0.0, 1.0)
