@@ -8,6 +8,7 @@ from talus.verification import Case, field_steps, read_history
 CONDUCTIVITY, WEIGHT, VISCOSITY = 1.0e-5, 9810.0, 1.0e-3
 UP, DOWN, LENGTH, FRINGE, ELEMENTS = 1.0, 0.2, 1.0, 0.02, 40
 MOST_CORRECTIONS = 6
+LOW = 0.6  # head of the full block upstream [m]
 
 
 def build(case: Case) -> meshes.Mesh:
@@ -43,6 +44,52 @@ def baiocchi(n: int) -> np.ndarray:
             change = max(change, float(abs(new - inner)[turn].max()))
             inner[turn] = new[turn]
     return -(3 * w[-1] - 4 * w[-2] + w[-3]) * n * LENGTH / (UP**2 - DOWN**2)
+
+
+def signorini(n: int) -> tuple[float, float]:
+    """Return flow over conductivity [m] and the exit point of the full block, by differences.
+
+    Heads h with laplace h = 0, held at x = 0, impervious below and above, and at the face h <= z,
+    outflow, one of both equal: over-relaxed and cut off at z there.
+    """
+    z = np.linspace(0, UP, n + 1)
+    h = np.full((n + 1, n + 1), LOW)
+    even = np.add.outer(np.arange(1, n + 1), np.arange(n + 1)) % 2 == 0
+    change, swifter = 1.0, 2 / (1 + np.sin(np.pi / n / 2))
+    wider = np.empty((n + 2, n + 3))
+    while change > 1e-13:
+        change = 0.0
+        for turn in (even, ~even):
+            wider[:-1, 1:-1] = h
+            wider[-1] = wider[-3]  # nothing passes the face but where it holds
+            wider[:, 0], wider[:, -1] = wider[:, 2], wider[:, -3]
+            mean = wider[2:, 1:-1] + wider[:-2, 1:-1] + wider[1:-1, 2:] + wider[1:-1, :-2]
+            new = h[1:] + swifter * (mean / 4 - h[1:])
+            new[-1] = np.minimum(new[-1], z)
+            change = max(change, float(abs(new - h[1:])[turn].max()))
+            h[1:][turn] = new[turn]
+    shares = np.ones(n + 1)
+    shares[[0, -1]] = 0.5
+    return float(shares @ (h[0] - h[1])), float(z[h[-1] >= z - 1e-10].max())
+
+
+def judge_full(case: Case) -> None:
+    """Judge flow and exit point of a block whose pores stay full."""
+    text = (case.folder / "full.nml").read_text().replace("MESH", "mesh")
+    text = text.replace("PERMEABILITY", repr(CONDUCTIVITY * VISCOSITY / WEIGHT))
+    (case.folder / "block.nml").write_text(text)
+    case.run("talus-fem", "block.nml")
+    books = read_history(case.folder / "block_pore.csv")
+    x = meshes.read_mesh(case.folder / "mesh.h5").x
+    p = field_steps(case.folder / "block.h5")[-1].solid["pore_pressure"]
+    face = np.isclose(x[:, 0], LENGTH)
+    flow, top = signorini(160)
+    found = -books["x1 seepage inflow"][-1] / (LENGTH / ELEMENTS) / CONDUCTIVITY
+    case.metric("full: flow / that of differences", float(found / flow), 1.0, 0.01)
+    case.metric("full: exit point [m]", float(x[face & (p >= 0), 2].max()), top, UP / ELEMENTS)
+    case.below("full: largest pressure of the face [Pa]", float(p[face].max()), 0.0)
+    newton = read_history(case.folder / "block_newton.csv")
+    case.below("full: corrections of a step", float(newton["iteration"].max()), MOST_CORRECTIONS)
 
 
 def potential(head: np.ndarray) -> np.ndarray:
@@ -92,6 +139,7 @@ def run(case: Case) -> None:
     face = plane[np.isclose(mesh.x[plane, 0], LENGTH)]
     face = face[np.argsort(mesh.x[face, 2])]
     judge_flow(case, mesh.x[face, 2], head[face])
+    judge_full(case)
     newton = read_history(case.folder / "run_newton.csv")
     case.below("corrections of a step", float(newton["iteration"].max()), MOST_CORRECTIONS)
     fig, (ax, bx) = case.figure(ncols=2)
