@@ -20,7 +20,8 @@ module dem_pore
   use dem_pore_side, only: side_mean
   use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
-  use dem_pore_tool_rows, only: open_tool_history, read_tools, write_tool_rows
+  use dem_pore_tool_rows, only: open_tip_history, open_tool_history, read_tools, write_tip_rows, &
+    write_tool_rows
   implicit none
   private
   public :: dem_pore_control_type, mass_error
@@ -46,6 +47,7 @@ module dem_pore
     real(wp) :: value(2, 3) = 0.0_wp        !! of each drain [Pa] or [m/s]
     type(history_type) :: history
     type(history_type) :: of_tools          !! what the liquid does to closed bodies
+    type(history_type) :: of_tips           !! what it and contacts do to parts of penetrometers
   contains
     procedure :: read => read_pore
     procedure :: check => check_exchange
@@ -240,6 +242,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     if (self%active) call self%history%begin(stem//'_pore.csv', columns, time, errors)
     if (self%active) call open_tool_history(self%of_tools, d, stem, time, errors)
+    if (self%active) call open_tip_history(self%of_tips, d, stem, time, errors)
   end subroutine open_history
 
   !> Pressures of the exchange under way, sums of those that are over.
@@ -252,6 +255,7 @@ contains
     integer(i4) :: k
     if (.not. self%history%is_open()) return
     call write_tool_rows(self%of_tools, time, d, errors)
+    call write_tip_rows(self%of_tips, time, d, errors)
     associate (pore => d%pore, s => d%pore%sums)
       call node_storage(pore, c)
       side = [(side_mean(d%pore, k), k=1, 6)]
@@ -270,6 +274,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%history%flush(errors)
     call self%of_tools%flush(errors)
+    call self%of_tips%flush(errors)
   end subroutine flush_histories
 
   subroutine close_histories(self, errors)
@@ -277,5 +282,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     call self%history%close(errors)
     call self%of_tools%close(errors)
+    call self%of_tips%close(errors)
   end subroutine close_histories
 end module dem_pore

@@ -10,12 +10,13 @@ module dem_pore_tool_rows
   use dem_pore_grid, only: brick_count, brick_edges, node_count
   use dem_pore_solid, only: columns
   use dem_pore_state, only: dem_pore_type
+  use dem_pore_tips, only: shoulder_pressure
   use dem_pore_tools, only: begin_tools, share_tools, tool_share
   use dem_state, only: dem_data_type
   use dem_surface_state, only: dem_surfaces_type, is_cylinder
   implicit none
   private
-  public :: read_tools, open_tool_history, write_tool_rows
+  public :: read_tools, open_tool_history, write_tool_rows, open_tip_history, write_tip_rows
 
   real(wp), parameter :: most_numbers = 3.0e7_wp  !! of all tools at all nodes
   real(wp), parameter :: overlap = 0.05_wp        !! of a brick that two tools may share, as bodies
@@ -25,6 +26,13 @@ module dem_pore_tool_rows
     'moment_y [N m]', 'moment_z [N m]', 'drag_x [N]', 'drag_y [N]', 'drag_z [N]', 'lift_x [N]', &
     'lift_y [N]', 'lift_z [N]', 'turning_x [N m]', 'turning_y [N m]', 'turning_z [N m]', &
     'volume [m3]', 'work [J]']
+  character(len=21), parameter :: tip_titles(24) = [character(len=21) :: 'time [s]', &
+    'surface [-]', 'x [m]', 'y [m]', 'z [m]', 'tip_contacts_x [N]', 'tip_contacts_y [N]', &
+    'tip_contacts_z [N]', 'tip_liquid_x [N]', 'tip_liquid_y [N]', 'tip_liquid_z [N]', &
+    'tip_lift_x [N]', 'tip_lift_y [N]', 'tip_lift_z [N]', 'shaft_contacts_x [N]', &
+    'shaft_contacts_y [N]', 'shaft_contacts_z [N]', 'shaft_liquid_x [N]', 'shaft_liquid_y [N]', &
+    'shaft_liquid_z [N]', 'shaft_lift_x [N]', 'shaft_lift_y [N]', 'shaft_lift_z [N]', &
+    'shoulder [Pa]']
 
 contains
 
@@ -169,4 +177,43 @@ contains
       end do
     end associate
   end subroutine write_tool_rows
+
+  !> Begin <stem>_penetrometers.csv, or go on in it after a restart at time >= 0.
+  subroutine open_tip_history(history, d, stem, time, errors)
+    type(history_type), intent(inout) :: history
+    type(dem_data_type), intent(in) :: d
+    character(len=*), intent(in) :: stem
+    real(wp), intent(in) :: time  !! of the checkpoint [s]; < 0: a fresh run
+    type(error_list_type), intent(inout) :: errors
+    if (d%pore%fit%tools%tips%n > 0) &
+      call history%begin(stem//'_penetrometers.csv', tip_titles, time, errors)
+  end subroutine open_tip_history
+
+  !> A row a penetrometer: forces on tip (with its cone) and shaft of contacts, of the pressure over
+  !! the hydrostatic one with the drag, and of the hydrostatic pressure; mean pressure at the
+  !! shoulder.
+  subroutine write_tip_rows(history, time, d, errors)
+    type(history_type), intent(inout) :: history
+    real(wp), intent(in) :: time  !! [s]
+    type(dem_data_type), intent(in) :: d
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: contacts(3, 2), liquid(3, 2), lift(3, 2)
+    integer(i4) :: k, b, t
+    if (.not. history%is_open()) return
+    associate (tools => d%pore%fit%tools, tips => d%pore%fit%tools%tips, s => d%surfaces)
+      do k = 1, tips%n
+        t = tips%tool(k)
+        b = tools%body(t)
+        contacts(:, 2) = s%sums%force(:, s%first_part(b + 1) - 1)
+        contacts(:, 1) = sum(s%sums%force(:, s%first_part(b):s%first_part(b + 1) - 2), 2)
+        liquid(:, 1) = tips%load(:, k) + tips%drag(:, k)
+        liquid(:, 2) = tools%load(:3, t) + tools%drag(:3, t) - liquid(:, 1)
+        lift(:, 1) = tips%lift(:, k)
+        lift(:, 2) = tools%lift(:3, t) - lift(:, 1)
+        call history%write([time, real(b, wp), s%centre(:, b), contacts(:, 1), liquid(:, 1), &
+                           lift(:, 1), contacts(:, 2), liquid(:, 2), lift(:, 2), &
+                           shoulder_pressure(d%pore%grid, tools, k, d%pore%p)], errors)
+      end do
+    end associate
+  end subroutine write_tip_rows
 end module dem_pore_tool_rows

@@ -10,6 +10,7 @@ module dem_pore_drag
   use dem_state, only: dem_data_type
   use dem_pore_grid, only: brick_count, node_count, corners_of, sign_of
   use dem_pore_medium, only: drag_in
+  use dem_pore_tips, only: clear_tip_drag
   use dem_pore_tools, only: is_in, tool_drag
   implicit none
   private
@@ -47,6 +48,7 @@ contains
     end do
     !$omp end parallel do
     if (d%pore%fit%tools%n > 0) d%pore%fit%tools%drag = 0.0_wp
+    call clear_tip_drag(d%pore%fit%tools)
     do c = 1, size(pull, 3)
       if (is_in(d%pore%fit%tools, c)) &
         call tool_drag(d%pore%grid, c, returned(d, c, at(:, corners_of(d%pore%grid, c))), &

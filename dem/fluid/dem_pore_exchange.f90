@@ -24,6 +24,7 @@ module dem_pore_exchange
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
+  use dem_pore_tips, only: span_tips
   use dem_pore_tools, only: add_tool_fields, place_tools, share_tools, span_tools, sweep_tools, &
     tool_velocity, tool_way
   use dem_pore_tool_loads, only: load_tools, give_way, book_tools
@@ -202,6 +203,7 @@ contains
       if (fit%tools%n > 0) fit%tools%weight = max(1.0_wp - d%pore%porosity, loosest)
       call make_fit(d%pore%grid, d%pore%start_x, d%pore%volume, fit)
       call span_tools(d%pore%grid, fit)
+      call span_tips(d%pore%grid, fit)
     end associate
   end subroutine fit_here
 

@@ -12,7 +12,7 @@ module dem_pore_solid
   use dem_surface_state, only: dem_surfaces_type, surface_cone, is_round
   implicit none
   private
-  public :: has_inside, facets_of, size_of_facets, fill_bricks, columns
+  public :: has_inside, facets_of, facets_of_tip, size_of_facets, fill_bricks, columns
 
   integer(i4), parameter :: sides = 72   !! of a round body
   integer(i4), parameter :: columns = 6  !! along an edge of a brick
@@ -73,34 +73,65 @@ contains
     volume = sign(volume, six)
   end subroutine size_of_facets
 
+  !> Triangles of the cone of a penetrometer, from its tip, with the disc at the shoulder.
+  pure function facets_of_tip(s, b) result(p)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: p(3, 3, 2*sides), ring(3, 0:sides), low(3)
+    integer(i4) :: k
+    low = shoulder(s, b)
+    ring = ring_around(s%round%rest_axis(:, b), s%round%radius(b))
+    do k = 1, sides
+      p(:, :, 2*k - 1) = reshape([[0.0_wp, 0.0_wp, 0.0_wp], low + ring(:, k), &
+                                  low + ring(:, k - 1)], [3, 3])
+      p(:, :, 2*k) = reshape([low, low + ring(:, k - 1), low + ring(:, k)], [3, 3])
+    end do
+  end function facets_of_tip
+
+  !> Middle of the disc where the cone of a penetrometer becomes its shaft, from the tip [m].
+  pure function shoulder(s, b) result(x)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: x(3)
+    x = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b)*s%round%rest_axis(:, b)
+  end function shoulder
+
+  !> Corners of a polygon across an axis, of the area of a circle [m].
+  pure function ring_around(axis, radius) result(ring)
+    real(wp), intent(in) :: axis(3), radius  !! [-], [m]
+    real(wp), parameter :: step = 2.0_wp*acos(-1.0_wp)/sides
+    real(wp) :: ring(3, 0:sides), e(3), f(3)
+    integer(i4) :: k
+    e = 0.0_wp
+    e(minloc(abs(axis), 1)) = 1.0_wp
+    e = e - dot_product(e, axis)*axis
+    e = e/norm2(e)
+    f = cross(axis, e)
+    do k = 0, sides
+      ring(:, k) = radius*sqrt(step/sin(step))*(cos(modulo(k, sides)*step)*e &
+                                                + sin(modulo(k, sides)*step)*f)
+    end do
+  end function ring_around
+
   !> Rings around the axis and the ends of a cylinder, or of a cone from its tip up.
   pure function round_facets(s, b) result(p)
     type(dem_surfaces_type), intent(in) :: s
     integer(i4), intent(in) :: b
     real(wp), allocatable :: p(:, :, :)
-    real(wp), parameter :: step = 2.0_wp*acos(-1.0_wp)/sides
-    real(wp) :: e(3), f(3), ring(3, 0:sides), low(3), high(3), foot(3), radius
+    real(wp) :: ring(3, 0:sides), low(3), high(3), foot(3)
     integer(i4) :: k
 
     associate (axis => s%round%rest_axis(:, b))
-      e = 0.0_wp
-      e(minloc(abs(axis), 1)) = 1.0_wp
-      e = e - dot_product(e, axis)*axis
-      e = e/norm2(e)
-      f = cross(axis, e)
-      radius = s%round%radius(b)*sqrt(step/sin(step))
+      ring = ring_around(axis, s%round%radius(b))
       low = -s%round%extent(b)*axis
       foot = low
       high = s%round%extent(b)*axis
       if (s%kind(b) == surface_cone) then
         foot = 0.0_wp
-        low = s%round%radius(b)*s%round%cosine(b)/s%round%sine(b)*axis
+        low = shoulder(s, b)
         high = low + high
       end if
     end associate
-    do k = 0, sides
-      ring(:, k) = radius*(cos(modulo(k, sides)*step)*e + sin(modulo(k, sides)*step)*f)
-    end do
     allocate (p(3, 3, 4*sides))
     do k = 1, sides
       p(:, :, 4*k - 3) = reshape([foot, low + ring(:, k), low + ring(:, k - 1)], [3, 3])

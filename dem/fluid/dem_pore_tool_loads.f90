@@ -4,6 +4,7 @@ module dem_pore_tool_loads
   use dem_ellipsoid, only: rotation_of
   use dem_pore_cavity, only: hydrostatic
   use dem_pore_state, only: sum_work, sum_drag, sum_tools, sum_held_drag
+  use dem_pore_tips, only: load_tips
   use dem_pore_tools, only: tool_loads, tool_lift
   use dem_state, only: dem_data_type
   use dem_surface_body, only: body_energy, is_free, set_liquid, turns_freely
@@ -22,6 +23,7 @@ contains
     associate (tools => d%pore%fit%tools)
       tools%load = tool_loads(tools, d%pore%p)
       tools%lift = tool_lift(d%pore%grid, tools, weight, hydrostatic(d%pore%grid, weight))
+      call load_tips(d%pore%grid, tools, d%pore%p, weight, hydrostatic(d%pore%grid, weight))
     end associate
     before = staggering(d)
     call hold_loads(d)

@@ -11,6 +11,7 @@ module dem_pore_tools
   use dem_pore_grid, only: brick_count, brick_edges, corners_of, node_count, place_in, slopes
   use dem_pore_solid, only: facets_of, fill_bricks, has_inside, size_of_facets
   use dem_pore_state, only: pore_grid_type, pore_fit_type, pore_tools_type
+  use dem_pore_tips, only: begin_tips, tip_drag
   use dem_surface_state, only: dem_surfaces_type
   implicit none
   private
@@ -44,6 +45,7 @@ contains
       call move_alloc(all, tools%rest)
     end do
     call place_tools(s, tools)
+    call begin_tips(s, tools)
   end subroutine begin_tools
 
   !> Where the tools are now.
@@ -291,6 +293,7 @@ contains
     do k = tools%start(c), tools%start(c + 1) - 1
       t = tools%tool(k)
       pull = tools%weight(c)*matmul(tools%moment(:, :, k), q)
+      call tip_drag(tools, k, tools%weight(c), q)
       do j = 1, 6
         unit = 0.0_wp
         unit(j) = 1.0_wp

@@ -665,7 +665,9 @@ contains
     call table%add_group('penetrometer', 11, &
       'A cone on a cylinder, exact: no triangles. Parts 1, 2 and 3 of ' &
       //'`<deck>_surfaces.csv` are the tip (contacts at the apex itself), the cone with ' &
-      //'its shoulder, and the shaft. Moments are about the tip.', repeats=.true.)
+      //'its shoulder, and the shaft. Moments are about the tip. With a `&pore_grid` ' &
+      //'forces of contacts and of the liquid on tip and shaft are in ' &
+      //'`<deck>_penetrometers.csv`.', repeats=.true.)
     call table%add_key('id', 'string', '', 'Name in the log.')
     call table%need()
     call table%add_key('tip', 'real', 'm', 'Apex of the cone at the start.')

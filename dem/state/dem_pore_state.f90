@@ -5,7 +5,7 @@ module dem_pore_state
   implicit none
   private
   public :: pore_grid_type, pore_liquid_type, pore_fit_type, pore_partner_type, dem_pore_type
-  public :: pore_tools_type
+  public :: pore_tools_type, pore_tips_type
   public :: drain_none, drain_pressure, drain_flux, by_partner
   public :: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, sum_drag, &
     sum_exchange, sum_seepage, sum_partner, sum_tools, sum_held_drag, pore_sums
@@ -39,6 +39,20 @@ module dem_pore_state
     real(wp) :: factor = 1.0_wp        !! on the permeability of any law [-]
   end type pore_liquid_type
 
+  !> Cones of the penetrometers among the tools: their part of what these feel, up to the shoulder.
+  !! The shaft has the rest.
+  type :: pore_tips_type
+    integer(i4) :: n = 0
+    integer(i4), allocatable :: tool(:)        !! (tips)
+    real(wp), allocatable :: rest(:, :, :, :)  !! (3, 3, triangles, tips) from the tip [m]
+    real(wp), allocatable :: moment(:, :, :)   !! (4, 4, shares) the cone's part of the tools' [m^3]
+    real(wp), allocatable :: cut(:, :, :)      !! (3, nodes, tips) what it sweeps at sides [m^2]
+    real(wp), allocatable :: gives(:, :, :)    !! (3, nodes, tips) what it compresses in all [m^2]
+    real(wp), allocatable :: load(:, :)        !! (3, tips) of the pressure over the hydrostatic [N]
+    real(wp), allocatable :: drag(:, :)        !! (3, tips) of grains in its bricks [N]
+    real(wp), allocatable :: lift(:, :)        !! (3, tips) of the hydrostatic pressure [N]
+  end type pore_tips_type
+
   !> Closed bodies in the grid, here: tools. Their motions and loads are those of the centre, then
   !! turns and moments about it. What lies in a brick is its share of a tool.
   type :: pore_tools_type
@@ -61,6 +75,7 @@ module dem_pore_state
                                                !! grains in the volume which these leave [-]
     real(wp), allocatable :: cut(:, :, :)      !! (6, nodes, tools) what a motion sweeps at sides
     real(wp), allocatable :: gives(:, :, :)    !! (6, nodes, tools) what it compresses in all
+    type(pore_tips_type) :: tips               !! of penetrometers
   end type pore_tools_type
 
   !> Grains by brick and the fit of a linear velocity to them; lengths within a brick are in its

@@ -49,6 +49,9 @@ contains
     rows(20:25, :) = tools%lift
     rows(26, :) = tools%work
     call archive%put_reals('pore.tools', rows)
+    if (tools%tips%n > 0) &
+      call archive%put_reals('pore.tips', reshape([tools%tips%load, tools%tips%drag, &
+                                                   tools%tips%lift], [3*tools%tips%n, 3]))
   end subroutine put_tools
 
   !> The same back; the bodies feel it.
@@ -66,6 +69,13 @@ contains
       tools%drag = rows(14:19, :)
       tools%lift = rows(20:25, :)
       tools%work = rows(26, :)
+      if (tools%tips%n > 0) then
+        call archive%get_reals('pore.tips', 3*tools%tips%n, 3, rows, errors)
+        if (errors%any()) return
+        tools%tips%load = reshape(rows(:, 1), [3, tools%tips%n])
+        tools%tips%drag = reshape(rows(:, 2), [3, tools%tips%n])
+        tools%tips%lift = reshape(rows(:, 3), [3, tools%tips%n])
+      end if
     end associate
     call hold_loads(d)
   end subroutine get_tools
