@@ -179,12 +179,13 @@ contains
     end do
   end subroutine weigh_disc
 
-  !> Add a weight at a point, by the functions of the nodes there; none outside the grid.
+  !> Add a weight at a point, by the functions of the nodes there, less what they have of pressures
+  !! that alternate from corner to corner: no fit sees these. None outside the grid.
   pure subroutine add_point(grid, x, weight, values)
     type(pore_grid_type), intent(in) :: grid
     real(wp), intent(in) :: x(3), weight
     real(wp), intent(inout) :: values(:)
-    real(wp) :: h(3), local(3)
+    real(wp) :: h(3), local(3), n(8), alternating(8)
     integer(i4) :: c, a, node(8)
     h = brick_edges(grid)
     c = brick_of(grid, 1.0_wp/h, x)
@@ -192,7 +193,12 @@ contains
     local = (x - grid%lower)/h - place_in(grid, c) - 0.5_wp
     node = corners_of(grid, c)
     do a = 1, 8
-      values(node(a)) = values(node(a)) + weight*product(0.5_wp + sign_of(:, a)*local)
+      n(a) = product(0.5_wp + sign_of(:, a)*local)
+      alternating(a) = product(sign_of(:, a))
+    end do
+    n = n - alternating*dot_product(alternating, n)/8.0_wp
+    do a = 1, 8
+      values(node(a)) = values(node(a)) + weight*n(a)
     end do
   end subroutine add_point
 

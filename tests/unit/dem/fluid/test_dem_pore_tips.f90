@@ -123,6 +123,7 @@ contains
   subroutine check_gradient()
     type(pore_fit_type) :: fit
     real(wp) :: p(node_count(grid)), wanted(3)
+    integer(i4) :: a
     real(wp), parameter :: slope(3) = [2.0e5_wp, -3.0e5_wp, 1.0e5_wp]
     call make_cone(1.3_wp, 2.2_wp, fit, up)
     p = linear(0.0_wp, slope)
@@ -131,6 +132,15 @@ contains
     wanted = -area*high/3.0_wp*slope
     call test%check_all_close('gradient', fit%tools%tips%load(:, 1)/norm2(wanted), &
                               wanted/norm2(wanted), 0.05_wp)
+    wanted = fit%tools%tips%load(:, 1)
+    do a = 1, size(p)  ! what alternates from node to node presses nothing
+      p(a) = p(a) + merge(1.0e6_wp, -1.0e6_wp, modulo(sum(node_place(grid, a)), 2) == 0)
+    end do
+    call load_tips(grid, fit%tools, p, none, 0.0_wp*p)
+    call test%check_all_close('alternating', (fit%tools%tips%load(:, 1) - wanted)/(1.0e6_wp*area), &
+                              0.0_wp, 1.0e-12_wp)
+    call test%check_close('at the shoulder', shoulder_pressure(grid, fit%tools, 1, p), 0.0_wp, &
+                          1.0e-6_wp)
   end subroutine check_gradient
 
   !> A cone whose shoulder is still above the top: its section there is all that a uniform pressure
