@@ -4,8 +4,9 @@ Usage: bench.py [--bin build/bin] [--out build/bench] [--cases NAME ...] [--core
                 [--repeats 3] [--quick] [--accept]
        (make bench CASES='spheres_10000 ellipsoids_2760' QUICK=1 ACCEPT=1)
 
-Cases are the beds of bench_beds.py, settled once, and those of bench_solid.py; `solid` means
-all of these but solid_million, which needs some minutes. Writes OUT/bench.csv, bench.png and
+Cases are the beds of bench_beds.py, settled once, those with a liquid (bench_liquid.py) and those
+of bench_solid.py; `solid` means all of these but solid_million, which needs some minutes. Writes
+OUT/bench.csv, bench.png and
 bench.json; --accept also writes manual/speed.csv, which the manual shows. Figures are medians.
 Machines are shared and noisy: compare figures of one run only; the rate by CPU time is safer
 where others load the machine.
@@ -33,11 +34,13 @@ sys.path.insert(0, str(ROOT / "tools"))
 
 import bench_beds  # noqa: E402
 import bench_grains  # noqa: E402
+import bench_liquid  # noqa: E402
 import bench_solid  # noqa: E402
 import bench_table  # noqa: E402
 
 DEFAULT = [name for name in bench_beds.BEDS if name != "spheres_2000"]
-CHOICES = [*bench_beds.BEDS, "solid", *bench_solid.CASES]
+DEFAULT += bench_liquid.DEFAULT
+CHOICES = [*bench_beds.BEDS, *bench_liquid.CASES, "solid", *bench_solid.CASES]
 
 
 def machine() -> str:
@@ -98,6 +101,11 @@ def main() -> int:
         timings, checks = bench_grains.run(binary, out, grains, cores, repeats, max(cores))
         rows = bench_table.table(timings)
         result |= {"grains": list(rows), "same_work": checks}
+    wet = [name for name in cases if name in bench_liquid.CASES]
+    if wet:
+        found = bench_liquid.run(binaries / "talus-dem", out, wet, repeats, max(cores))
+        result |= {"liquid": found}
+        rows += found
     solids = solid_cases(cases, options.quick)
     if solids:
         found = bench_solid.bench_solid(binaries, out, solids, cores, repeats, options.quick)

@@ -12,7 +12,7 @@ QUICK_REFERENCE = "spheres_2000"
 COLUMNS = (
     "code", "case", "grains", "cores", "grain_steps_per_s", "contacts_per_s", "max_rss_mb",
     "ratio_to_lammps", "ratio_to_ellipsoids", "ratio_to_copied", "grain_steps_per_cpu_s", "seconds",
-    "ratio_to_calculix", "difference", "residual",
+    "ratio_to_calculix", "difference", "residual", "liquid_share",
 )  # fmt: skip
 
 
