@@ -7,7 +7,7 @@
 !! E^-1 does to the kinetic energy. With it the ledger closes as without a cell.
 module dem_carry
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, lanes
+  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_mirror, kind_member, lanes
   use dem_images, only: place_image
   use dem_integrate, only: motion_type, kick_block, drift_block, work_count
   use dem_integration_block, only: integration_block_type, block_state_type, put_bodies, &
@@ -16,7 +16,7 @@ module dem_carry
   use dem_prescribed, only: drift_prescribed
   implicit none
   private
-  public :: start_carried, finish_carried, recall_carried, sum_images
+  public :: start_carried, finish_carried, recall_carried, sum_images, slow_down, lead
 
 contains
 
@@ -52,7 +52,7 @@ contains
     end if
     do k = 1, block%count
       i = block%low + k
-      if (d%grains%kind(i) == kind_mirror) cycle
+      if (moved_elsewhere(d%grains%kind(i))) cycle
       if (d%grains%kind(i) == kind_free) then
         call slow_down(d%cell%back, motion%mass_scale*block%mass(k), &
                        [state%s%vx(k), state%s%vy(k), state%s%vz(k)], d%grains%v(:, i), work)
@@ -64,6 +64,12 @@ contains
     travel = travel + d%cell%stretch
     call move_images(d, block, motion%dt, work)
   end subroutine start_carried
+
+  !> Are grains of this kind moved by another rank or with their clump?
+  pure logical function moved_elsewhere(kind)
+    integer(i4), intent(in) :: kind
+    moved_elsewhere = kind == kind_mirror .or. kind == kind_member
+  end function moved_elsewhere
 
   !> Relative velocity in a flow that spreads, E^-1 c, kept with the grain; the flow's work on it.
   pure subroutine slow_down(back, mass, c, kept, work)
@@ -118,7 +124,7 @@ contains
     integer(i4) :: k
     if (d%pairs%images == 0) return
     do k = d%pairs%image_start(block%low + 1), d%pairs%image_start(block%low + block%count + 1) - 1
-      if (d%grains%kind(d%pairs%grain(d%pairs%plain + k)) == kind_mirror) cycle
+      if (moved_elsewhere(d%grains%kind(d%pairs%grain(d%pairs%plain + k)))) cycle
       call place_image(d%pairs, d%cell, k)
       work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, k), lead(d, k))
     end do
@@ -144,7 +150,7 @@ contains
 
     do k = 1, block%count
       i = block%low + k
-      if (d%grains%kind(i) == kind_mirror) cycle
+      if (moved_elsewhere(d%grains%kind(i))) cycle
       call sum_images(d, i, state%f(k, :), state%m(k, :))
       if (d%pairs%images > 0) then
         do m = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1

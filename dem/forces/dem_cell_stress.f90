@@ -49,13 +49,16 @@ contains
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: lane, k
     real(wp), intent(inout) :: sums(cell_reals)
-    real(wp) :: l(3), n(3), kn, kt, weight, stiffness(2), part(cell_reals)
+    real(wp) :: l(3), n(3), branch(3), kn, kt, weight, stiffness(2), part(cell_reals)
     integer(i4) :: i, j
 
     l = d%pairs%body(1:3, d%pairs%second(lane, k)) - d%pairs%body(1:3, d%pairs%first(lane, k))
     n = d%pairs%normal(lane, :, k)
     if (d%pairs%round(k)) n = l/norm2(l)
-    part(:9) = reshape(-dyad(l, d%pairs%result(1:3, (k - 1)*lanes + lane)), [9])
+    branch = l
+    if (d%clumps%n > 0) branch = l - d%clumps%arm(:, d%pairs%grain(d%pairs%second(lane, k))) &
+      + d%clumps%arm(:, d%pairs%first(lane, k))
+    part(:9) = reshape(-dyad(branch, d%pairs%result(1:3, (k - 1)*lanes + lane)), [9])
     stiffness = pair_stiffness(d, lane, k)
     weight = d%pairs%weight(lane, min(k, size(d%pairs%weight, 2)))
     kt = weight*stiffness(2)

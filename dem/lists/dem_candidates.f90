@@ -2,7 +2,8 @@
 !! gaps, normals, slots in the list before, and the groups that blocks are made of.
 module dem_candidates
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_cell_type, kind_free, &
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_cell_type, &
     kind_ghost, kind_mirror, lanes, history_side
   use dem_cell, only: is_periodic
   use dem_cells, only: find_candidates
@@ -161,6 +162,12 @@ contains
 
     i = list%first(k)
     j = list%second(k)
+    if (allocated(grains%clump) .and. j <= pairs%plain) then
+      if (grains%clump(i) > 0 .and. grains%clump(i) == grains%clump(j)) then
+        list%gap(k) = huge(1.0_wp)  ! one body
+        return
+      end if
+    end if
     if (j > pairs%plain) j = pairs%former(j - pairs%plain)
     list%old(k) = 0
     if (j > 0) list%old(k) = slot_of(pairs, i, j)
@@ -266,7 +273,7 @@ contains
       normal = planes%normal(:, k)
       call mark_slots(pairs, body, .true., old)
       do j = 1, grains%n
-        if (grains%kind(j) /= kind_free) cycle
+        if (.not. moved_by_forces(grains%kind(j))) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
         skin = pair_skin(pairs, body, j)
         if (gap - grains%radius(j) > skin) cycle

@@ -4,7 +4,8 @@ module dem_cells
   use, intrinsic :: iso_fortran_env, only: int64
   use omp_lib, only: omp_get_thread_num, omp_get_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4
-  use dem_state, only: kind_free, kind_ghost
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: kind_ghost
   implicit none
   private
   public :: find_candidates
@@ -242,7 +243,7 @@ contains
       integer(i4), intent(in) :: i, j
       integer(i4), intent(inout) :: found
       real(wp) :: r(3), square, reach, apart
-      if (kind(i) /= kind_free .and. kind(j) /= kind_free) then
+      if (.not. (moved_by_forces(kind(i)) .or. moved_by_forces(kind(j)))) then
         if (.not. (ghost_pairs .and. kind(i) == kind_ghost .and. kind(j) == kind_ghost)) return
       end if
       r = body(1:3, j) - body(1:3, i)

@@ -6,6 +6,7 @@
 module dem_images
   use talus_kinds, only: wp, i4, i8
   use talus_homogenise, only: inverse_of
+  use dem_kinds, only: moved_by_forces
   use dem_state, only: dem_pairs_type, dem_grains_type, dem_cell_type, kind_free, kind_fixed, &
     body_size
   use dem_cell, only: reduced_basis, shift_of, is_periodic
@@ -46,6 +47,7 @@ contains
     call fold(pairs, grains, cell, folded)
     n = grains%n
     kind = grains%kind(folded%grain)
+    where (moved_by_forces(kind)) kind = kind_free
     if (all(kind == kind_free)) kind(n + 1:) = kind_fixed  ! copies do not meet each other
     call find_candidates(folded%body, grains%radius(folded%grain), [(0.0_wp, k=1, size(kind))], &
                          kind, pairs%skin, ghost_pairs, a, b, found)

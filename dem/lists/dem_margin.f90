@@ -39,7 +39,7 @@ contains
     eased = any(before > 0.0_wp)
     d%pairs%ease = 1.0_wp
     if (is_periodic(d%cell) .or. d%cell%active .or. d%halo%team%several() .or. &
-        d%surfaces%n > 0 .or. d%par%skin > 0.0_wp) return
+        d%surfaces%n > 0 .or. d%par%skin > 0.0_wp .or. d%clumps%n > 0) return
     life = d%health%steps - d%pairs%built_at
     if (life > merge(long_life, short_life, eased)) return
     call find_speeds(d, speed, free, radius)

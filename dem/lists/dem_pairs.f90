@@ -5,8 +5,9 @@
 !! body's pairs by partner, so that sums do not depend on the order of the list.
 module dem_pairs
   use talus_kinds, only: wp, i4, i8
+  use dem_kinds, only: gives_way
   use dem_state, only: dem_grains_type, dem_planes_type, dem_pairs_type, dem_weights_type, &
-    dem_cell_type, kind_free, kind_mirror, lanes, body_size, history_size, &
+    dem_cell_type, lanes, body_size, history_size, &
     history_side, history_root, result_size, column_count, entries_ahead
   use dem_candidates, only: list_type, list_grain_pairs, list_plane_pairs, bands, geometries, &
     first_border_group, first_rim_group, first_ghost_group, first_wall_group
@@ -339,8 +340,8 @@ contains
       end if
       if (pairs%round(block)) pairs%history(lane, history_root, block) = &
         effective_root(grains%radius(i)**2, grains%radius(j)**2)
-      free_i = grains%kind(i) == kind_free .or. grains%kind(i) == kind_mirror
-      free_j = grains%kind(j) == kind_free .or. grains%kind(j) == kind_mirror
+      free_i = gives_way(grains%kind(i))
+      free_j = gives_way(grains%kind(j))
       pairs%m_star(lane, block) = grains%mass(i)*grains%mass(j)/(grains%mass(i) + grains%mass(j))
       if (free_i .and. .not. free_j) pairs%m_star(lane, block) = grains%mass(i)
       if (free_j .and. .not. free_i) pairs%m_star(lane, block) = grains%mass(j)

@@ -11,8 +11,8 @@ module dem_damped_limit
   use dem_pair_law, only: pair_stiffness
   use dem_surface_measure, only: surface_stiffness
   use dem_additional, only: additional_stiffness, models_damping
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
-    history_side, history_root
+  use dem_kinds, only: gives_way
+  use dem_state, only: dem_data_type, kind_free, lanes, mode_relaxation, history_side, history_root
   use dem_surface_body, only: is_free
   implicit none
   private
@@ -63,7 +63,28 @@ contains
       bound = [bound_of(sums(1, i), mass, inertia), bound_of(sums(2, i), mass, inertia)]
       if (bound(2) > 0.0_wp) limit = min(limit, mode_step(bound(1), bound(2)))
     end do
+    do i = 1, d%clumps%n
+      bound = clump_bound(d, i, sums)
+      if (bound(2) > 0.0_wp) limit = min(limit, mode_step(bound(1), bound(2)))
+    end do
   end function damped_step
+
+  !> Bounds of a clump: those of its members, with their least effective mass, add up.
+  pure function clump_bound(d, clump, sums) result(bound)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: clump
+    type(block_type), intent(in) :: sums(:, :)
+    real(wp) :: bound(2), mass, inertia
+    integer(i4) :: i
+    bound = 0.0_wp
+    inertia = minval(d%clumps%grains%inertia(:, clump))
+    if (d%par%mode == mode_relaxation) inertia = d%par%inertia_scale*inertia
+    do i = d%clumps%first(clump), d%clumps%last(clump)
+      mass = d%clumps%grains%mass(clump)/d%clumps%lightness(i)
+      if (d%par%mode == mode_relaxation) mass = min(d%par%mass_scale, d%par%inertia_scale)*mass
+      bound = bound + [bound_of(sums(1, i), mass, inertia), bound_of(sums(2, i), mass, inertia)]
+    end do
+  end function clump_bound
 
   !> Largest damping ratio of turns of all additional contact models [-].
   pure real(wp) function turn_damping(d) result(ratio)
@@ -133,8 +154,7 @@ contains
     integer(i4), intent(in) :: partner
     factor_of = 1.0_wp
     if (partner > d%grains%n) return
-    if (d%grains%kind(partner) == kind_free .or. d%grains%kind(partner) == kind_mirror) &
-      factor_of = 2.0_wp
+    if (gives_way(d%grains%kind(partner))) factor_of = 2.0_wp
   end function factor_of
 
   !> Contacts of grains with surfaces.

@@ -1,7 +1,7 @@
 !> The energy ledger: what is stored now, and how well all columns close.
 module dem_ledger
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_ledger_type, kind_free
+  use dem_state, only: dem_data_type, dem_grains_type, dem_ledger_type, kind_free
   use dem_pair_law, only: pair_energy
   use dem_additional, only: additional_energy
   use dem_integrate, only: motion_type, motion_of, scaled_spin_momentum
@@ -31,7 +31,12 @@ contains
     ledger%staggering = 0.0_wp
     do i = 1, d%grains%n
       if (d%grains%kind(i) /= kind_free) cycle
-      part = grain_energy(d, i, motion)
+      part = grain_energy(d%grains, i, motion)
+      ledger%kinetic = ledger%kinetic + part(1)
+      ledger%staggering = ledger%staggering + part(2)
+    end do
+    do i = 1, d%clumps%n
+      part = grain_energy(d%clumps%grains, i, motion)
       ledger%kinetic = ledger%kinetic + part(1)
       ledger%staggering = ledger%staggering + part(2)
     end do
@@ -70,24 +75,22 @@ contains
 
   !> Kinetic energy of a free grain with scaled masses, and the leapfrog's part of it: the works of
   !! the half kicks add up to m v-.v+/2 = m v^2/2 - dt^2 G^2/(8 m), G the total force [J].
-  pure function grain_energy(d, i, motion) result(part)
-    type(dem_data_type), intent(in) :: d
+  pure function grain_energy(g, i, motion) result(part)
+    type(dem_grains_type), intent(in) :: g
     integer(i4), intent(in) :: i
     type(motion_type), intent(in) :: motion
     real(wp) :: part(2), m, total(3), l(3), moment(3), inertia(3), r(3, 3)
 
-    associate (g => d%grains)
-      m = motion%mass_scale*g%mass(i)
-      inertia = motion%inertia_scale*g%inertia(:, i)
-      r = rotation_of(g%quat(:, i))
-      l = scaled_spin_momentum(r, inertia, g%omega(:, i))
-      part(1) = 0.5_wp*m*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
-      total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
-              - motion%damping*m*g%v(:, i)
-      moment = g%moment(:, i) + g%extra_moment(:, i) - motion%damping*l
-      moment = matmul(moment, r)
-      part(2) = motion%dt**2/8.0_wp*(sum(total**2)/m + sum(moment**2/inertia))
-    end associate
+    m = motion%mass_scale*g%mass(i)
+    inertia = motion%inertia_scale*g%inertia(:, i)
+    r = rotation_of(g%quat(:, i))
+    l = scaled_spin_momentum(r, inertia, g%omega(:, i))
+    part(1) = 0.5_wp*m*sum(g%v(:, i)**2) + 0.5_wp*dot_product(l, g%omega(:, i))
+    total = g%force(:, i) + g%extra_force(:, i) + g%mass(i)*motion%gravity &
+            - motion%damping*m*g%v(:, i)
+    moment = g%moment(:, i) + g%extra_moment(:, i) - motion%damping*l
+    moment = matmul(moment, r)
+    part(2) = motion%dt**2/8.0_wp*(sum(total**2)/m + sum(moment**2/inertia))
   end function grain_energy
 
   !> The same of all free bodies [J].
@@ -142,7 +145,11 @@ contains
     sum = 0.0_wp
     do i = 1, d%grains%n
       if (d%grains%kind(i) /= kind_free) cycle
-      part = grain_energy(d, i, motion)
+      part = grain_energy(d%grains, i, motion)
+      sum = sum + part(2)
+    end do
+    do i = 1, d%clumps%n
+      part = grain_energy(d%clumps%grains, i, motion)
       sum = sum + part(2)
     end do
     if (allocated(d%surfaces%membranes)) then

@@ -5,8 +5,8 @@
 !! eq. D.3
 module dem_limits
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, kind_free, kind_mirror, lanes, mode_relaxation, &
-    history_side
+  use dem_kinds, only: moved_by_forces, gives_way
+  use dem_state, only: dem_data_type, kind_free, kind_member, lanes, mode_relaxation, history_side
   use dem_contact, only: contact_point
   use dem_pair_law, only: pair_stiffness
   use dem_damped_limit, only: damped_step
@@ -52,6 +52,10 @@ contains
                lambda(2, i)/(scale(2)*minval(d%grains%inertia(:, i))))
       if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
     end do
+    do i = 1, d%clumps%n
+      kn = clump_rate(d, i, scale, lambda)
+      if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
+    end do
     kn = 0.0_wp
     if (allocated(d%surfaces%rigid%free) .and. .not. allocated(d%surfaces%rigid%acting)) &
       kn = body_rate(d%surfaces, body_rows(d))
@@ -59,6 +63,28 @@ contains
       kn = max(kn, membrane_rate(d%surfaces, corner_stiffness(d)))
     if (kn > 0.0_wp) limit = min(limit, 2.0_wp/sqrt(kn))
   end function gershgorin_step
+
+  !> Rate of a clump from the row sums of its members: forces on a member meet its least effective
+  !! mass, turns about its centre the least moment of inertia of the clump [1/s^2].
+  !! eq. D.91
+  pure real(wp) function clump_rate(d, clump, scale, lambda) result(rate)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: clump
+    real(wp), intent(in) :: scale(2), lambda(:, :)
+    real(wp) :: part(2), mass, inertia
+    integer(i4) :: i
+    mass = d%clumps%grains%mass(clump)
+    inertia = scale(2)*minval(d%clumps%grains%inertia(:, clump))
+    part = 0.0_wp
+    do i = d%clumps%first(clump), d%clumps%last(clump)
+      part = part + [d%clumps%lightness(i)*lambda(1, i)/mass, lambda(2, i)/inertia]
+    end do
+    if (d%clumps%first(clump) == d%clumps%last(clump)) then
+      rate = max(part(1)/scale(1), part(2))
+    else
+      rate = part(1)/minval(scale) + part(2)
+    end if
+  end function clump_rate
 
   !> Add a contact to the row sums of its grains.
   pure subroutine add_pair(d, first, other, stiffness, point, lambda)
@@ -75,22 +101,16 @@ contains
     second = d%pairs%grain(other)
     factor = 1.0_wp
     if (first <= d%grains%n) then
-      if (moves(d%grains%kind(first))) factor = 2.0_wp
+      if (gives_way(d%grains%kind(first))) factor = 2.0_wp
     end if
     lambda(1, second) = lambda(1, second) + factor*(kn + kt)
     lambda(2, second) = lambda(2, second) + factor*kt*sum(arm**2)
     if (first > d%grains%n) return
     factor = 1.0_wp
-    if (moves(d%grains%kind(second))) factor = 2.0_wp
+    if (gives_way(d%grains%kind(second))) factor = 2.0_wp
     lambda(1, first) = lambda(1, first) + factor*(kn + kt)
     lambda(2, first) = lambda(2, first) + factor*kt*sum(point**2)
   end subroutine add_pair
-
-  !> Does a grain of this kind give way, here or on another rank?
-  pure logical function moves(kind)
-    integer(i4), intent(in) :: kind
-    moves = kind == kind_free .or. kind == kind_mirror
-  end function moves
 
   !> Add the stiffness of additional contact models to the rows of their grains.
   pure subroutine add_additional(d, lane, k, lambda)
@@ -117,7 +137,7 @@ contains
     integer(i4), intent(in) :: partner
     factor_of = 1.0_wp
     if (partner > d%grains%n) return
-    if (moves(d%grains%kind(partner))) factor_of = 2.0_wp
+    if (gives_way(d%grains%kind(partner))) factor_of = 2.0_wp
   end function factor_of
 
   !> Least Rayleigh time of the free grains, at the least radius of curvature, with scaled mass [s].
@@ -126,7 +146,7 @@ contains
     integer(i4) :: i
     limit = huge(1.0_wp)
     do i = 1, d%grains%n
-      if (d%grains%kind(i) == kind_free) limit = min(limit, rayleigh_of(d, i))
+      if (moved_by_forces(d%grains%kind(i))) limit = min(limit, rayleigh_of(d, i))
     end do
   end function rayleigh_step
 
@@ -144,6 +164,7 @@ contains
       axis = d%grains%axes(:, i)
       least = minval(axis)**2/maxval(axis)
       density = scale*d%grains%mass(i)/(4.0_wp/3.0_wp*pi*product(axis))
+      if (d%grains%kind(i) == kind_member) density = scale*m%density
       time = pi*least*sqrt(density/shear)/(0.1631_wp*m%poisson + 0.8766_wp)
     end associate
   end function rayleigh_of
@@ -172,7 +193,7 @@ contains
     if (d%par%mode == mode_relaxation) scale = d%par%mass_scale
     limit = huge(1.0_wp)
     do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) cycle
+      if (.not. moved_by_forces(d%grains%kind(i))) cycle
       associate (law => d%laws(d%grains%material(i), d%grains%material(i)))
         m = d%grains%mass(i)*scale
         if (associated(law%base%impact)) then
@@ -185,6 +206,7 @@ contains
         else
           cycle
         end if
+        if (d%clumps%n > 0) m = m/d%clumps%lightness(i)
         limit = min(limit, 2.0_wp/sqrt(2.0_wp*k/m))
       end associate
     end do

@@ -6,7 +6,7 @@ module dem_measure
   use talus_text, only: str
   use dem_contact, only: contact_radius
   use dem_pair_law, only: pair_stiffness
-  use dem_state, only: dem_data_type, kind_free, lanes, history_side
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, lanes, history_side
   use dem_integrate, only: motion_type, motion_of, scaled_spin_momentum
   use dem_ellipsoid, only: rotation_of
   use dem_surface_measure, only: surface_contact_count, add_surface_coordination, &
@@ -30,6 +30,9 @@ contains
     do i = 1, d%grains%n
       if (d%grains%kind(i) == kind_free) p = p + motion%mass_scale*d%grains%mass(i)*d%grains%v(:, i)
     end do
+    do i = 1, d%clumps%n
+      p = p + motion%mass_scale*d%clumps%grains%mass(i)*d%clumps%grains%v(:, i)
+    end do
   end function momentum_of
 
   !> Angular momentum of the free grains about the origin, scaled masses [kg m^2/s].
@@ -41,12 +44,23 @@ contains
     motion = motion_of(d, d%par%dt)
     l = 0.0_wp
     do i = 1, d%grains%n
-      if (d%grains%kind(i) /= kind_free) cycle
-      l = l + motion%mass_scale*d%grains%mass(i)*cross(d%grains%x(:, i), d%grains%v(:, i)) &
-          + motion%inertia_scale*scaled_spin_momentum(rotation_of(d%grains%quat(:, i)), &
-                                                      d%grains%inertia(:, i), d%grains%omega(:, i))
+      if (d%grains%kind(i) == kind_free) l = l + moment_of_momentum(d%grains, i, motion)
+    end do
+    do i = 1, d%clumps%n
+      l = l + moment_of_momentum(d%clumps%grains, i, motion)
     end do
   end function angular_momentum_of
+
+  !> Angular momentum of grain i about the origin, scaled masses [kg m^2/s].
+  pure function moment_of_momentum(g, i, motion) result(l)
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: i
+    type(motion_type), intent(in) :: motion
+    real(wp) :: l(3)
+    l = motion%mass_scale*g%mass(i)*cross(g%x(:, i), g%v(:, i)) &
+        + motion%inertia_scale*scaled_spin_momentum(rotation_of(g%quat(:, i)), g%inertia(:, i), &
+                                                    g%omega(:, i))
+  end function moment_of_momentum
 
   !> Contacts of every grain, planes included.
   function coordination_of(d) result(z)
@@ -130,6 +144,7 @@ contains
         if (.not. d%pairs%history(lane, history_side, k) > 0.0_wp) cycle
         branch = d%pairs%body(1:3, d%pairs%second(lane, k)) &
                  - d%pairs%body(1:3, d%pairs%first(lane, k))
+        if (d%clumps%n > 0) branch = branch - arms(d, lane, k)
         force = d%pairs%result(1:3, (k - 1)*lanes + lane)
         do j = 1, 3
           sigma(:, j) = sigma(:, j) - branch*force(j)
@@ -138,6 +153,16 @@ contains
     end do
     sigma = sigma/volume
   end function stress_of
+
+  !> How much longer the branch of a contact is from member to member than between the centres of
+  !! mass of their clumps [m].
+  pure function arms(d, lane, k)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: lane, k
+    real(wp) :: arms(3)
+    arms = d%clumps%arm(:, d%pairs%grain(d%pairs%second(lane, k))) &
+           - d%clumps%arm(:, d%pairs%first(lane, k))
+  end function arms
 
   !> Stiffness of the contacts of each plane [N/m].
   pure function wall_stiffnesses(d) result(stiffness)
@@ -186,6 +211,9 @@ contains
       sums = sums + [norm2(d%grains%force(:, i) + d%grains%extra_force(:, i) &
                            + d%grains%mass(i)*gravity), 1.0_wp]
     end do
+    do i = 1, d%clumps%n
+      sums = sums + [norm2(d%clumps%grains%force(:, i) + d%clumps%grains%mass(i)*gravity), 1.0_wp]
+    end do
   end function forces_left
 
   !> Fault N201 when kinetic energy exceeds par%energy_limit times all that was ever put in.
@@ -217,16 +245,31 @@ contains
     worst = 0
     do i = 1, d%grains%n
       if (d%grains%kind(i) /= kind_free) cycle
-      this = 0.5_wp*motion%mass_scale*d%grains%mass(i)*sum(d%grains%v(:, i)**2) &
-             + 0.5_wp*motion%inertia_scale*maxval(d%grains%inertia(:, i)) &
-             *sum(d%grains%omega(:, i)**2)
+      this = energy_bound(d%grains, i, motion)
       kinetic = kinetic + this
       if (this > most) then
         most = this
         worst = i
       end if
     end do
+    do i = 1, d%clumps%n
+      this = energy_bound(d%clumps%grains, i, motion)
+      kinetic = kinetic + this
+      if (this > most) then
+        most = this
+        worst = d%clumps%first(i)
+      end if
+    end do
   end subroutine fastest_grain
+
+  !> Kinetic energy of grain i, no less than it is [J].
+  pure real(wp) function energy_bound(g, i, motion) result(energy)
+    type(dem_grains_type), intent(in) :: g
+    integer(i4), intent(in) :: i
+    type(motion_type), intent(in) :: motion
+    energy = 0.5_wp*motion%mass_scale*g%mass(i)*sum(g%v(:, i)**2) &
+             + 0.5_wp*motion%inertia_scale*maxval(g%inertia(:, i))*sum(g%omega(:, i)**2)
+  end function energy_bound
 
   !> Compare a kinetic energy with all that was ever put in, which is kept in the health counters.
   subroutine judge_runaway(d, kinetic, id, speed, errors)

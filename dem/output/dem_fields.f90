@@ -9,6 +9,7 @@ module dem_fields
   use dem_surface_output, only: surface_mesh_sizes, put_surface_mesh
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_breakage, only: generation_of
+  use dem_clump_file, only: clump_frames
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
   use dem_slabs, only: dem_slab_type, slab_grains
@@ -120,6 +121,7 @@ contains
     if (system%surfaces%n > 0 .and. system%wear%active) &
       call put_wear(file, group//'/surfaces', system%dem_data_type, errors)
     if (self%contacts) call put_contacts(file, group//'/contacts', system, errors)
+    if (system%clumps%n > 0) call put_moving_clumps(file, group//'/clumps', system, errors)
     call self%series%end_step(int(system%grains%n, i8), file, errors)
     call self%xdmf%write(self%series, errors)
     if (system%surfaces%n > 0) call describe_surfaces(self, system, errors)
@@ -164,6 +166,27 @@ contains
     call file%put(group//'/force', g%force, errors)
     call file%put(group//'/moment', g%moment, errors)
   end subroutine put_grains
+
+  !> Clumps: centre of mass, orientation of the template, motion and loads.
+  subroutine put_moving_clumps(file, group, system, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(dem_system_type), intent(in) :: system
+    type(error_list_type), intent(inout) :: errors
+    associate (g => system%clumps%grains)
+      call file%group(group, errors)
+      call file%put(group//'/first', g%id, errors)
+      call file%put(group//'/mass', g%mass, errors)
+      call file%put(group//'/inertia', g%inertia, errors)
+      call file%put(group//'/x', g%x, errors)
+      call file%put(group//'/quat', clump_frames(system%clumps), errors)
+      call file%put(group//'/principal', g%quat, errors)
+      call file%put(group//'/v', g%v, errors)
+      call file%put(group//'/omega', g%omega, errors)
+      call file%put(group//'/force', g%force, errors)
+      call file%put(group//'/moment', g%moment, errors)
+    end associate
+  end subroutine put_moving_clumps
 
   !> Grains of all ranks, slab by slab.
   subroutine put_slabs(file, group, system, errors)

@@ -4,7 +4,7 @@ module dem_logbook
   use talus_text, only: str, string_type
   use talus_deck, only: deck_type
   use talus_log, only: log_type, short_number, duration_text
-  use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost
+  use dem_state, only: kind_free, kind_fixed, kind_driven, kind_ghost, kind_member
   use dem_shape, only: bulge, hertz_radius
   use dem_shape_state, only: shape_octants, shape_powers
   use dem_system, only: dem_system_type
@@ -52,6 +52,9 @@ contains
                   counted(system, kind_fixed)//' fixed, '//counted(system, kind_driven)// &
                   ' driven, '//counted(system, kind_ghost)//' ghosts')
     if (system%grains%shapes%in_use) call log_shapes(log, system)
+    if (system%clumps%n > 0) call log%item('clumps', str(system%clumps%n), 'of '// &
+      counted(system, kind_member)//' of these grains, '//str(maxval(system%clumps%template))// &
+      ' templates')
     call log%item('walls', str(system%planes%n))
     do k = 1, system%surfaces%n
       call log%item(trim(merge('surfaces', '        ', k == 1)), system%surfaces%name(k)%s, &

@@ -207,7 +207,7 @@ contains
         call self%save_checkpoint('', errors)
       if (len(packing) > 0 .and. .not. self%stopped .and. .not. errors%any()) &
         call keep_packing(self%system, folder_of(self%stem)//'/'//packing, &
-                          self%packing%group, errors)
+                          self%packing, errors)
     else if (self%opened) then
       call self%fields%write(self%clock%time(), self%system, ignored)
     end if

@@ -35,6 +35,7 @@ contains
     call summary%set('dt_s', run%clock%dt)
     call summary%set('grains', run%system%grains%n)
     call summary%set('free_grains', int(count(run%system%grains%kind == kind_free), i4))
+    if (run%system%clumps%n > 0) call summary%set('clumps', run%system%clumps%n)
     call summary%set('contacts', run%system%contact_number())
     rate = 0.0_wp
     if (steps_time > 0.0_wp) rate = real(run%clock%steps - run%start_steps, wp)/steps_time

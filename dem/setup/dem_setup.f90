@@ -6,13 +6,15 @@ module dem_setup
   use talus_curve, only: curve_type, curve_index
   use talus_deck, only: deck_type
   use dem_damped_limit, only: damped_step
-  use dem_state, only: kind_free, kind_fixed, kind_driven, mode_dynamic, mode_relaxation
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: kind_fixed, kind_driven, mode_dynamic, mode_relaxation
   use dem_slabs, only: slab_grains
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_shape_make, only: make_shapes
   use dem_make, only: make_grains, sorted_order
   use dem_measure, only: largest_overlap
   use dem_packing, only: dem_packing_type, read_packing, empty_packing, drop_grains
+  use dem_setup_clumps, only: mark_members, make_clumps
   use dem_setup_surfaces, only: read_surfaces, check_units
   use dem_setup_grains, only: named_rows, usual_materials, materials_of_grains
   use dem_setup_bonds, only: read_bonds
@@ -64,8 +66,11 @@ contains
     call check_units(deck, system%surfaces, packing, errors)
     call hold_grains(deck, packing, errors)
     call drive_grains(deck, packing, choices, errors)
+    call mark_members(packing, deck%path('particles', 1, 'file'), errors)
     if (errors%any()) return
     call place_grains(deck, system, packing, choices, material, errors)
+    if (.not. errors%any()) call make_clumps(packing%clumps, system%dem_data_type, &
+      deck%path('particles', 1, 'file'), errors)
     system%springs = packing%springs
     if (allocated(packing%springs%load) .and. .not. errors%any()) &
       system%springs%load = packing%springs%load(sorted_order(packing%id))
@@ -331,7 +336,7 @@ contains
     do k = 1, list%n
       if (list%ids(1, k) < 0) cycle
       call system%find(list%ids(:, k), pair, errors)
-      if (any(system%grains%kind(pair) /= kind_free)) cycle
+      if (.not. all(moved_by_forces(system%grains%kind(pair)))) cycle
       ratio = list%overlap(k)/minval(system%grains%axes(:, pair))
       if (ratio <= choices%initial_overlap) cycle
       found = found + 1

@@ -8,7 +8,7 @@ module dem_shape_mass
   use dem_shape, only: shape_size, shape_of, octant_support, at_upper, at_lower, at_centre, bulge
   implicit none
   private
-  public :: shape_mass_type, mass_of_shape
+  public :: shape_mass_type, mass_of_shape, diagonalise, quaternion_of
 
   !> Of a body of density 1 in the frame of its octants.
   type :: shape_mass_type

@@ -5,7 +5,8 @@ module dem_make
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
   use dem_coincident, only: check_centres, order_along
-  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_mirror
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_fixed, kind_mirror, &
+    kind_member
   implicit none
   private
   public :: make_grains, make_planes, sorted_order, allocate_grains, prescribe_some, &
@@ -35,10 +36,11 @@ contains
 
     call check_grains(id, kind, material, size(materials), x, quat, axes, v, omega, errors)
     if (errors%any()) return
-    call check_centres(id, kind, x, axes, sorted_order(order_along(x)), errors)
+    call check_centres(id, merge(kind_fixed, kind, kind == kind_member), x, axes, &
+                       sorted_order(order_along(x)), errors)
     if (errors%any()) return
     grains%n = size(id)
-    call allocate_grains(grains, any(kind /= kind_free))
+    call allocate_grains(grains, any(is_prescribed(kind)))
     order = sorted_order(id)
     do i = 1, grains%n
       k = order(i)
@@ -93,7 +95,7 @@ contains
         call few%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
                      'order w, x, y, z, length 1', errors)
       end if
-      if (kind(k) < 0 .or. kind(k) > 3 .or. material(k) < 1 .or. material(k) > n_materials) then
+      if (kind(k) < 0 .or. (kind(k) > 3 .and. kind(k) /= kind_member) .or. material(k) < 1 .or. material(k) > n_materials) then
         call few%add('I214', who//'unknown kind '//str(kind(k))//' or material '// &
                      str(material(k)), 'kinds: 0 free, 1 fixed, 2 driven', errors)
       end if
@@ -134,7 +136,7 @@ contains
   !> Does something else than forces move grains of this kind?
   elemental logical function is_prescribed(kind)
     integer(i4), intent(in) :: kind
-    is_prescribed = kind /= kind_free .and. kind /= kind_mirror
+    is_prescribed = kind /= kind_free .and. kind /= kind_mirror .and. kind /= kind_member
   end function is_prescribed
 
   !> Arrays of what only prescribed grains have, from now on if there were none.

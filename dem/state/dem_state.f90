@@ -17,8 +17,8 @@ module dem_state
   private
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
-  public :: dem_cell_type, dem_parts_type, dem_pore_type
-  public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror
+  public :: dem_cell_type, dem_parts_type, dem_pore_type, dem_clumps_type
+  public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror, kind_member
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
   public :: servo_seen_size, surcharge_seen_size, fed_size, drained_size, window_size, crushed_size
@@ -30,6 +30,7 @@ module dem_state
   integer(i4), parameter :: kind_driven = 2  !! moved by the deck
   integer(i4), parameter :: kind_ghost = 3   !! moved by the port
   integer(i4), parameter :: kind_mirror = 4  !! a free grain of another rank
+  integer(i4), parameter :: kind_member = 5  !! a sphere of a clump, which forces move
 
   integer(i4), parameter :: mode_dynamic = 1, mode_relaxation = 2
 
@@ -67,6 +68,8 @@ module dem_state
     real(wp), allocatable :: theta(:, :)           !! accumulated rotation [rad]
     real(wp), allocatable :: extra_force(:, :)     !! held external force on free grains [N]
     real(wp), allocatable :: extra_moment(:, :)    !! held external moment on free grains [N m]
+    integer(i4), allocatable :: clump(:)           !! of members of clumps, 0 of others; not
+                                                   !! there without clumps
     type(dem_shapes_type) :: shapes                  !! of grains that are no ellipsoids
     ! What only prescribed grains have: no columns as long as all grains are free (dem_make).
     real(wp), allocatable :: impulse(:, :)         !! time integral of force since reset [N s]
@@ -259,6 +262,26 @@ module dem_state
     real(wp) :: travel = 0.0_wp             !! of what is no ghost since the list was made [m]
   end type dem_parts_type
 
+  !> Clumps: rigid grains of several spheres. The spheres, their members, are grains of kind_member
+  !! with the mass of the clump; those of a clump follow each other.
+  type :: dem_clumps_type
+    integer(i4) :: n = 0
+    type(dem_grains_type) :: grains            !! centres of mass, principal frames, mass, motion
+    type(dem_pairs_type) :: pairs              !! records of these, nothing else
+    integer(i4), allocatable :: first(:)       !! (clumps) first member, index of a grain
+    integer(i4), allocatable :: last(:)        !! (clumps) last member
+    real(wp), allocatable :: place(:, :)       !! (3, grains) of members from the centre of mass, in
+                                               !! principal axes [m]
+    real(wp), allocatable :: arm(:, :)         !! (3, grains) the same in space; 0 of others [m]
+    real(wp), allocatable :: lightness(:)      !! (grains) mass over the least effective mass under
+                                               !! a normal force; 1 of others [-]
+    integer(i4), allocatable :: template(:)    !! (clumps)
+    real(wp), allocatable :: scale(:)          !! (clumps) of the template's lengths [-]
+    real(wp), allocatable :: frame(:, :)       !! (4, clumps) template to principal frame [-]
+    real(wp), allocatable :: origin(:, :)      !! (3, clumps) of the template from the centre of
+                                               !! mass, in principal axes [m]
+  end type dem_clumps_type
+
   !> A whole system, without behaviour.
   type :: dem_data_type
     type(dem_grains_type) :: grains
@@ -278,6 +301,7 @@ module dem_state
     type(dem_exact_type) :: exact
     type(dem_wear_type) :: wear
     type(dem_heat_type) :: heat
+    type(dem_clumps_type) :: clumps
     real(wp) :: pending = 0.0_wp                   !! drift since forces were evaluated [s]
     real(wp) :: ledger_dt = 0.0_wp                 !! step that ledger%staggering is for [s]
     real(wp), allocatable :: seen_kinetic(:)  !! (grains) at the last check of adaptive damping [J]

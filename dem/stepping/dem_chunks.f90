@@ -1,8 +1,8 @@
 !> Both halves of a step for a chunk of grains; the last chunk is that of planes and surfaces.
 module dem_chunks
   use talus_kinds, only: wp, i4
-  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
-    kind_mirror, body_size
+  use dem_kinds, only: gives_way
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_fixed, kind_ghost, body_size
   use dem_carry, only: start_carried, finish_carried, recall_carried
   use dem_forces, only: sum_body
   use dem_lanes, only: sum_lanes, call_for
@@ -40,7 +40,7 @@ contains
   !> Is the grain of a kind that no prescription moves here?
   pure logical function stands(kind)
     integer(i4), intent(in) :: kind
-    stands = kind == kind_free .or. kind == kind_fixed .or. kind == kind_mirror
+    stands = gives_way(kind) .or. kind == kind_fixed
   end function stands
 
   !> Start of a step for the grains of chunk c; the last chunk is the planes'. The integration block
@@ -149,7 +149,7 @@ contains
       if (d%surfaces%list%near > 0) call add_surface_loads(d%surfaces, block%low, block%count, &
         state%f, state%m)
       do k = 1, merge(0, block%count, block%free_count == block%count)
-        if (block%free(k) > 0.5_wp .or. d%grains%kind(block%low + k) == kind_mirror) cycle
+        if (gives_way(d%grains%kind(block%low + k))) cycle
         call finish_prescribed(d%grains, block%low + k, motion%dt, state%f(k, :), state%m(k, :), &
                                work%finished(:, c))
         if (d%grains%kind(block%low + k) == kind_ghost) call note_ghost(d, block%low + k)

@@ -8,7 +8,8 @@ module dem_exact_forces
   use talus_kinds, only: wp, i4
   use talus_exact_sums, only: exact_sums_type, begin_sums, begin_step, touch, end_step, &
     add_term, add_last, exact_value
-  use dem_state, only: dem_data_type, kind_free, kind_ghost, kind_mirror, result_size
+  use dem_kinds, only: gives_way
+  use dem_state, only: dem_data_type, kind_ghost, result_size
   use dem_exact_state, only: dem_exact_type
   use dem_lanes, only: sum_results
   use dem_surface_forces, only: surface_load
@@ -242,8 +243,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     integer(i4) :: i
     if (d%cell%active) return
-    call begin_for(d, d%grains%kind(:d%grains%n) /= kind_free .and. &
-                   d%grains%kind(:d%grains%n) /= kind_mirror)
+    call begin_for(d, .not. gives_way(d%grains%kind(:d%grains%n)))
     do i = 1, d%grains%n
       if (d%exact%place(i) > 0) call note_ghost(d, i)
     end do

@@ -13,7 +13,8 @@ module dem_passages
   use dem_gap, only: solve_gap
   use dem_shape_gap, only: solve_shapes
   use dem_shape_state, only: shape_ellipsoid
-  use dem_state, only: dem_data_type, kind_free, kind_mirror
+  use dem_kinds, only: moved_by_forces, gives_way
+  use dem_state, only: dem_data_type
   use dem_surface_images, only: reached_images, image_count, image_at
   use dem_surface_state, only: dem_surfaces_type, is_round, is_bore, is_cylinder
   implicit none
@@ -68,9 +69,9 @@ contains
     least = (0.5_wp*d%pairs%skin/h)**2
     mean = 0.0_wp
     do i = 1, d%grains%n
-      if (d%grains%kind(i) == kind_free) mean = mean + d%pairs%body(4:6, i)
+      if (moved_by_forces(d%grains%kind(i))) mean = mean + d%pairs%body(4:6, i)
     end do
-    mean = mean/max(count(d%grains%kind(:d%grains%n) == kind_free), 1)
+    mean = mean/max(count(moved_by_forces(d%grains%kind(:d%grains%n))), 1)
     fast = pack([(i, i=1, d%grains%n)], &
                 [(sum(d%pairs%body(4:6, i)**2) > least, i=1, d%grains%n)])
     if (size(fast) <= d%grains%n/2 .or. d%surfaces%n > 0) return
@@ -100,11 +101,6 @@ contains
       return
     end do
   end subroutine pass_grains
-
-  pure logical function gives_way(kind)
-    integer(i4), intent(in) :: kind
-    gives_way = kind == kind_free .or. kind == kind_mirror
-  end function gives_way
 
   !> Have grains i and j, now r apart, overlapped on the way by which this has changed, and not
   !! before or after it; or are they past each other?
@@ -151,7 +147,7 @@ contains
     real(wp), intent(in) :: h
     integer(i4) :: b
 
-    if (d%grains%kind(i) /= kind_free) return
+    if (.not. moved_by_forces(d%grains%kind(i))) return
     do b = 1, d%surfaces%n
       if (.not. passes_images(d, i, b, h)) cycle
       d%health%passed = [d%grains%id(i), -int(b, i8)]

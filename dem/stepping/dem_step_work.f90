@@ -20,9 +20,10 @@ module dem_step_work
   type :: step_memory_type
     type(integration_block_type), allocatable :: blocks(:)    !! of each chunk; the last chunk is
                                                               !! the planes'
-    real(wp), allocatable :: started(:, :)        !! (work_count, chunks) of the first half [J]
-    real(wp), allocatable :: finished(:, :)       !! (work_count, chunks) of the second half [J]
-    real(wp), allocatable :: travel(:)            !! (chunks) since the list was made [m]
+    real(wp), allocatable :: started(:, :)        !! (work_count, chunks, then those of clumps) of
+                                                  !! the first half [J]
+    real(wp), allocatable :: finished(:, :)       !! (the same) of the second half [J]
+    real(wp), allocatable :: travel(:)            !! (the same) since the list was made [m]
     integer(i4), allocatable :: load(:)           !! (chunks) work up to and with each chunk
   end type step_memory_type
 
@@ -32,7 +33,7 @@ contains
   subroutine plan_work(d, work)
     type(dem_data_type), intent(in) :: d
     type(step_memory_type), intent(inout) :: work
-    integer(i4) :: chunks, c, low, high
+    integer(i4) :: chunks, c, low, high, all
 
     chunks = (d%grains%n + chunk - 1)/chunk + 1
     if (allocated(work%load)) then
@@ -44,8 +45,9 @@ contains
     if (.not. allocated(work%blocks)) allocate (work%blocks(chunks - 1))
     if (.not. allocated(work%load)) then
       if (allocated(work%travel)) deallocate (work%travel)
-      allocate (work%load(chunks), work%travel(chunks))
-      allocate (work%started(work_count, chunks), work%finished(work_count, chunks))
+      all = chunks + (d%clumps%n + chunk - 1)/chunk
+      allocate (work%load(chunks), work%travel(all))
+      allocate (work%started(work_count, all), work%finished(work_count, all))
       work%started = 0.0_wp
       work%finished = 0.0_wp
     end if

@@ -12,11 +12,13 @@ module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, kind_mirror
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, kind_mirror, &
+    kind_member
   use dem_carry, only: sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
   use dem_bonds_make, only: check_bonds
+  use dem_clump_steps, only: pass_clumps, sum_clumps
   use dem_depth, only: watch_depth, note_block
   use dem_forces, only: block_forces, sum_body
   use dem_lanes, only: finish_puts
@@ -131,6 +133,10 @@ contains
       do c = low, high
         call start_chunk(d, c, motion, done + 1 == n, .true., work, states(me), .true.)
       end do
+      if (d%clumps%n > 0) then
+        !$omp barrier
+        call pass_clumps(d, motion, .false., .true., work, me, threads)
+      end if
     end if
     begun = resumed
     leave = .false.
@@ -182,6 +188,10 @@ contains
         exact = several .or. mod(before + s + c, look) == 0
         if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, states(me), .false.)
       end do
+      if (d%clumps%n > 0) then
+        !$omp barrier
+        call pass_clumps(d, motion, .true., s < n, work, me, threads)
+      end if
     end do
     do c = low, merge(min(high, size(work%blocks)), 0, leave)
       call recall_chunk(d, work%blocks(c), states(me))
@@ -302,13 +312,14 @@ contains
         force = force + load(1:3)
         moment = moment + load(4:6)
       end if
-      if (d%grains%kind(i) == kind_free) then
+      if (d%grains%kind(i) == kind_free .or. d%grains%kind(i) == kind_member) then
         d%grains%force(:, i) = force
         d%grains%moment(:, i) = moment
       else
         call finish_prescribed(d%grains, i, h, force, moment, work(:, 1))
       end if
     end do
+    call sum_clumps(d)
     call finish_planes(d, h, work(:, 1))
     call add_contact_work(d)
     call add_grain_work(d, work)

@@ -8,8 +8,8 @@ module dem_surface_forces
   use dem_additional_list, only: held_of
   use dem_additional_model, only: additional_given_type, additional_works_type
   use dem_additional_numbers, only: additional_work_count
-  use dem_state, only: dem_data_type, dem_law_type, kind_free, lanes, history_size, history_point, &
-    column_count
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: dem_data_type, dem_law_type, lanes, history_size, history_point, column_count
   use dem_surface_state, only: dem_surfaces_type, is_soft
   use dem_surface_body, only: is_free
   use dem_figure, only: figure_type
@@ -339,7 +339,7 @@ contains
       mass = d%surfaces%rigid%mass(b)
       if (.not. (is_free(d%surfaces, b) .and. mass > 0.0_wp)) cycle
       m_star(k) = merge(mass*d%grains%mass(i)/(mass + d%grains%mass(i)), mass, &
-                        d%grains%kind(i) == kind_free)
+                        moved_by_forces(d%grains%kind(i)))
     end do
   end subroutine reduce_masses
 

@@ -2,7 +2,8 @@
 module dem_surface_measure
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, kind_free, history_side, history_root
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: dem_data_type, history_side, history_root
   use dem_surface_body, only: is_free
   use dem_surface_state, only: dem_surfaces_type, surface_membrane
   use dem_contact, only: contact_constants_type, constants_of
@@ -162,7 +163,7 @@ contains
         b = body_of_part(d, d%surfaces%list%part(k, g))
         stiffness = surface_stiffness(d, k, g)
         more = surface_additional_stiffness(d, k, g)
-        if (d%grains%kind(d%surfaces%list%near_grain(g)) == kind_free) then
+        if (moved_by_forces(d%grains%kind(d%surfaces%list%near_grain(g)))) then
           stiffness = 2.0_wp*stiffness
           more = 2.0_wp*more
         end if

@@ -3,7 +3,8 @@
 module dem_surface_search
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
-  use dem_state, only: dem_data_type, kind_free, kind_fixed, kind_driven
+  use dem_kinds, only: moved_by_forces
+  use dem_state, only: dem_data_type, kind_fixed, kind_driven
   use dem_surface_body, only: is_free
   use dem_surface_additional, only: surface_kept_reals
   use dem_cell, only: is_periodic
@@ -74,7 +75,7 @@ contains
   pure logical function may_touch(d, i)
     type(dem_data_type), intent(in) :: d
     integer(i4), intent(in) :: i
-    may_touch = d%grains%kind(i) == kind_free
+    may_touch = moved_by_forces(d%grains%kind(i))
     if (may_touch .or. .not. (allocated(d%surfaces%rigid%free) .and. d%surfaces%counted)) return
     may_touch = d%grains%kind(i) == kind_fixed .or. d%grains%kind(i) == kind_driven
   end function may_touch
@@ -199,7 +200,7 @@ contains
     c = cell(1) + grid%n(1)*(cell(2) - 1 + grid%n(2)*(cell(3) - 1))
     do m = grid%start(c), grid%start(c + 1) - 1
       k = grid%member(m)
-      if (d%grains%kind(i) /= kind_free) then
+      if (.not. moved_by_forces(d%grains%kind(i))) then
         if (.not. is_free(d%surfaces, d%surfaces%mesh%owner(k))) cycle
       end if
       distance = triangle_distance(d%surfaces%mesh%x(:, d%surfaces%mesh%corner(:, k)), x) &
@@ -221,7 +222,7 @@ contains
 
     do b = 1, d%surfaces%n
       if (.not. is_round(d%surfaces, b)) cycle
-      if (d%grains%kind(i) /= kind_free .and. .not. is_free(d%surfaces, b)) cycle
+      if (.not. moved_by_forces(d%grains%kind(i)) .and. .not. is_free(d%surfaces, b)) cycle
       call reached_images(d%surfaces, b, d%cell, d%grains%x(:, i), &
                           d%grains%radius(i) + d%pairs%skin, first, last)
       do k = 1, image_count(first, last)

@@ -1,6 +1,7 @@
-!> Packing files (HDF5, format 'talus-packing', version 1 or 2): read, check, write.
+!> Packing files (HDF5, format 'talus-packing', version 1 to 3): read, check, write.
 !!
-!! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes.
+!! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes;
+!! version 3 has clumps (dem_clump_file).
 !! Faults of the file itself come from talus_hdf5; here I230 to I233: version,
 !! sizes, groups; those of contacts in dem_packed_contacts.
 !! What a grain may be is checked where grains are made (dem_make).
@@ -11,19 +12,22 @@ module dem_packing
   use talus_hdf5, only: h5_file_type
   use talus_suggest, only: did_you_mean
   use dem_cell, only: folded
+  use dem_clump_file, only: packed_clumps_type, read_clumps, put_templates, put_clumps
   use dem_contacts, only: dem_contacts_type
   use dem_packed_contacts, only: read_springs, put_springs, first_missing
   use dem_shape_make, only: octant_frames
   use dem_start_springs, only: start_springs_type
-  use dem_state, only: dem_grains_type, dem_cell_type, kind_ghost, kind_driven
+  use dem_state, only: dem_grains_type, dem_clumps_type, dem_cell_type, kind_ghost, kind_driven, &
+    kind_member, kind_free
   implicit none
   private
   public :: dem_packing_type, dem_group_type, read_packing, write_packing, group_index, put_shapes
-  public :: drop_grains, empty_packing
+  public :: drop_grains, empty_packing, packed_besides_type
 
   character(len=*), parameter :: format_name = 'talus-packing'
   integer(i4), parameter :: format_version = 1  !! ellipsoids alone
   integer(i4), parameter :: shapes_version = 2   !! with skew and exponent
+  integer(i4), parameter :: clumps_version = 3   !! with clumps
 
   !> A named group of grains.
   type :: dem_group_type
@@ -45,22 +49,32 @@ module dem_packing
     real(wp), allocatable :: omega(:, :)  !! (3, n) space frame [rad/s]
     type(dem_group_type), allocatable :: group(:)
     type(start_springs_type) :: springs   !! tangential forces of contacts, if the file has them
+    type(packed_clumps_type) :: clumps    !! of spheres among the grains
     logical :: has_cell = .false.         !! it was made in a periodic cell
     real(wp) :: cell(3, 3) = 0.0_wp       !! its edges as columns [m]
     real(wp) :: cell_origin(3) = 0.0_wp   !! its corner [m]
   end type dem_packing_type
 
+  !> What some packings have besides grains.
+  type :: packed_besides_type
+    real(wp), allocatable :: load(:)       !! (grains) surcharge, downwards [N]
+    type(dem_clumps_type) :: clumps        !! as they are now
+    type(packed_clumps_type) :: templates  !! of the clumps
+  end type packed_besides_type
+
 contains
 
-  !> Leave the groups and the cell alone: the grains are in the system now.
+  !> Leave groups, cell and templates of clumps: the grains are in the system now.
   pure subroutine drop_grains(packing)
     type(dem_packing_type), intent(inout) :: packing
     type(dem_packing_type) :: rest
     if (allocated(packing%group)) call move_alloc(packing%group, rest%group)
+    rest%clumps = packing%clumps
     rest%has_cell = packing%has_cell
     rest%cell = packing%cell
     rest%cell_origin = packing%cell_origin
     packing = dem_packing_type()
+    packing%clumps = rest%clumps
     packing%has_cell = rest%has_cell
     packing%cell = rest%cell
     packing%cell_origin = rest%cell_origin
@@ -89,9 +103,10 @@ contains
     if (errors%count > before) return
     version = 0
     call file%attr_get('/', 'version', version, errors)
-    if (errors%count == before .and. all(version /= [format_version, shapes_version])) then
+    if (errors%count == before .and. (version < format_version .or. &
+                                    version > clumps_version)) then
       call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
-                      str(format_version)//' and '//str(shapes_version)//' are read', path, &
+                      str(format_version)//' to '//str(clumps_version)//' are read', path, &
                       "make it again with the 'talus pack' of this version")
     end if
     if (errors%count == before) then
@@ -106,6 +121,7 @@ contains
     if (errors%count == before) call read_shapes(packing, file, errors)
     if (errors%count == before) call check_sizes(packing, path, errors)
     if (errors%count == before) call read_groups(packing, file, errors)
+    if (errors%count == before) call read_clumps(file, packing%clumps, errors)
     packing%has_cell = file%exists('/cell/vectors')
     if (errors%count == before) &
       call read_springs(file, packing%id, packing%has_cell, packing%springs, errors)
@@ -227,15 +243,22 @@ contains
     call file%put(group//'/exponent', grains%shapes%exponent, errors)
   end subroutine put_shapes
 
+  !> Least version of the format that has all that the grains are.
+  pure integer(i4) function version_of(grains) result(version)
+    type(dem_grains_type), intent(in) :: grains
+    version = merge(shapes_version, format_version, grains%shapes%in_use)
+    if (allocated(grains%clump)) version = clumps_version
+  end function version_of
+
   !> Write the present state of grains as a packing; ghosts are written as fixed.
-  subroutine write_packing(path, grains, groups, errors, cell, contacts, load)
+  subroutine write_packing(path, grains, groups, errors, cell, contacts, besides)
     character(len=*), intent(in) :: path
     type(dem_grains_type), intent(in) :: grains
     type(dem_group_type), intent(in) :: groups(:)
     type(error_list_type), intent(inout) :: errors
     type(dem_cell_type), intent(in), optional :: cell  !! centres are folded into it
     type(dem_contacts_type), intent(in), optional :: contacts  !! whose tangential forces go along
-    real(wp), intent(in), optional :: load(:)  !! surcharge, downwards [N]
+    type(packed_besides_type), intent(in), optional :: besides
     type(h5_file_type) :: file
     type(dem_cell_type) :: own
     real(wp), allocatable :: x(:, :)
@@ -245,18 +268,24 @@ contains
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
-    call file%attr_put('/', 'version', &
-                       merge(shapes_version, format_version, grains%shapes%in_use), errors)
+    call file%attr_put('/', 'version', version_of(grains), errors)
     call file%group('/grains', errors)
     call file%put('/grains/id', grains%id, errors)
-    call file%put('/grains/kind', merge(1_i4, min(grains%kind, kind_driven), &
+    call file%put('/grains/kind', merge(1_i4, min(merge(kind_free, grains%kind, &
+                                                        grains%kind == kind_member), kind_driven), &
                                         grains%kind == kind_ghost), errors)
     x = folded(own, grains%x)
+    if (allocated(grains%clump)) then
+      call put_templates(file, besides%templates, errors)
+      call put_clumps(file, besides%clumps, grains, own, x, errors)
+    end if
     call file%put('/grains/x', x, errors)
     call put_shapes(file, '/grains', grains, errors)
     call file%put('/grains/v', grains%v, errors)
     call file%put('/grains/omega', grains%omega, errors)
-    if (present(load)) call file%put('/grains/surcharge', load, errors)
+    if (present(besides)) then
+      if (allocated(besides%load)) call file%put('/grains/surcharge', besides%load, errors)
+    end if
     if (own%active) then
       call file%group('/cell', errors)
       call file%put('/cell/vectors', own%vectors, errors)

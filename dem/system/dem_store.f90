@@ -15,7 +15,7 @@ module dem_store
   use dem_surface_store, only: put_surfaces
   use dem_pairs, only: allocate_bodies, update_bodies, build_pairs
   use dem_records, only: plain_contact_reals
-  use dem_store_grains, only: put_grain_arrays, get_grains
+  use dem_store_grains, only: put_grain_arrays, get_grains, put_clump_motion, get_clump_motion
   use dem_store_pairs, only: put_pairs, put_images, get_skin, get_list
   use dem_store_pore, only: put_pore, get_pore
   use dem_store_fields, only: put_wear_and_heat, get_wear_and_heat
@@ -36,6 +36,7 @@ contains
 
     call archive%clear()
     call put_grain_arrays(d, archive)
+    call put_clump_motion(d, archive)
     call put_pairs(d%pairs, archive)
     if (is_periodic(d%cell)) call put_images(d%pairs, archive)
     if (d%surfaces%n > 0) &
@@ -276,6 +277,8 @@ contains
     type(error_list_type), intent(inout) :: errors
 
     call get_grains(d, archive, errors)
+    if (errors%any()) return
+    call get_clump_motion(d, archive, errors)
     if (errors%any()) return
     call allocate_bodies(d%pairs, d%grains, d%planes)
     if (d%cell%active) call get_cell(d, archive, errors)

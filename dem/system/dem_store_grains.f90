@@ -4,12 +4,16 @@ module dem_store_grains
   use talus_errors, only: error_list_type
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
-  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_ghost
+  use dem_clumps, only: ready_clumps
+  use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_member
   use dem_make, only: prescribe_some, allocate_grains
   use dem_shape_state, only: allocate_shapes, shape_ellipsoid, shape_powers
   implicit none
   private
-  public :: put_grain_arrays, get_grains
+  public :: put_grain_arrays, get_grains, put_clump_motion, get_clump_motion
+
+  integer(i4), parameter :: motion_reals = 22  !! of a clump
+  character(len=*), parameter :: motion = 'clumps.motion'
 
   !> Rows of what shapes were made from.
   integer(i4), parameter :: made_kind = 1, made_frame(2) = [2, 5], made_skew(2) = [6, 8], &
@@ -50,6 +54,50 @@ contains
     if (allocated(d%seen_kinetic)) call archive%put_reals( &
       'damping.seen_kinetic', reshape(d%seen_kinetic, [1, size(d%seen_kinetic)]))
   end subroutine put_grain_arrays
+
+  !> How clumps move; what they are is that of the packing.
+  subroutine put_clump_motion(d, archive)
+    type(dem_data_type), intent(in) :: d
+    class(dem_archive_type), intent(inout) :: archive
+    real(wp) :: rows(motion_reals, d%clumps%n)
+    if (d%clumps%n == 0) return
+    associate (g => d%clumps%grains)
+      rows(1:3, :) = g%x
+      rows(4:7, :) = g%quat
+      rows(8:10, :) = g%v
+      rows(11:13, :) = g%omega
+      rows(14:16, :) = g%theta
+      rows(17:19, :) = g%force
+      rows(20:22, :) = g%moment
+    end associate
+    call archive%put_reals(motion, rows)
+  end subroutine put_clump_motion
+
+  !> The same back; the packing must have the clumps of the checkpoint (I229).
+  subroutine get_clump_motion(d, archive, errors)
+    type(dem_data_type), intent(inout) :: d
+    type(dem_archive_type), intent(in) :: archive
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: rows(:, :)
+    if ((archive%find(motion) > 0) .neqv. d%clumps%n > 0) then
+      call errors%add('I229', 'checkpoint: its clumps are not those of the packing', &
+                      hint='the checkpoint belongs to another packing, deck or version')
+      return
+    end if
+    if (d%clumps%n == 0) return
+    call archive%get_reals(motion, motion_reals, d%clumps%n, rows, errors)
+    if (errors%any()) return
+    associate (g => d%clumps%grains)
+      g%x = rows(1:3, :)
+      g%quat = rows(4:7, :)
+      g%v = rows(8:10, :)
+      g%omega = rows(11:13, :)
+      g%theta = rows(14:16, :)
+      g%force = rows(17:19, :)
+      g%moment = rows(20:22, :)
+    end associate
+    call ready_clumps(d%clumps, d%grains)
+  end subroutine get_clump_motion
 
   !> Shapes of grains of which some are no ellipsoids: what the kernel reads of them besides the
   !! orientation, and what they were made from.
@@ -125,7 +173,7 @@ contains
     call compare_ids(d%grains, archive, errors)
     if (errors%any()) return
     associate (g => d%grains)
-      call take_numbers(archive, 'grains.kind', [kind_free, kind_ghost], g%kind, errors)
+      call take_numbers(archive, 'grains.kind', [kind_free, kind_member], g%kind, errors)
       call take_numbers(archive, 'grains.material', [1_i4, size(d%materials, kind=i4)], &
                         g%material, errors)
       call take(archive, 'grains.x', g%x, errors)

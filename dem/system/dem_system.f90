@@ -7,8 +7,9 @@ module dem_system
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
+  use dem_kinds, only: moved_by_forces
   use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, dem_ledger_type, &
-    kind_free, fed_size, drained_size
+    fed_size, drained_size
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
@@ -128,7 +129,7 @@ contains
     skin = 0.0_wp
     n = 0
     do i = 1, self%grains%n
-      if (self%grains%kind(i) /= kind_free) cycle
+      if (.not. moved_by_forces(self%grains%kind(i))) cycle
       n = n + 1
       skin = skin + minval(self%grains%axes(:, i))
     end do

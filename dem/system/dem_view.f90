@@ -4,7 +4,7 @@ module dem_view
   use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
   use dem_measure, only: forces_left, wall_stiffnesses
-  use dem_packing, only: dem_group_type, write_packing
+  use dem_packing, only: dem_group_type, dem_packing_type, packed_besides_type, write_packing
   use dem_records, only: index_of
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -31,19 +31,22 @@ contains
   end subroutine see_contacts
 
   !> Write grains, and what their contacts bear by friction, as a packing.
-  subroutine keep_packing(system, path, groups, errors)
+  subroutine keep_packing(system, path, packing, errors)
     type(dem_system_type), intent(inout) :: system
     character(len=*), intent(in) :: path
-    type(dem_group_type), intent(in) :: groups(:)
+    type(dem_packing_type), intent(in) :: packing  !! that the run began with: groups, templates
     type(error_list_type), intent(inout) :: errors
     type(dem_contacts_type) :: list
-    real(wp), allocatable :: load(:)
+    type(packed_besides_type) :: besides
 
     call see_grains(system)
     call see_contacts(system, list)
-    if (allocated(system%surcharge)) load = merge(system%surcharge, 0.0_wp, system%surcharge_top)
-    call write_packing(path, system%grains, those_left(system, groups), errors, system%cell, list, &
-                       load)
+    if (allocated(system%surcharge)) besides%load = merge(system%surcharge, 0.0_wp, &
+                                                          system%surcharge_top)
+    besides%clumps = system%clumps
+    besides%templates = packing%clumps
+    call write_packing(path, system%grains, those_left(system, packing%group), errors, &
+                       system%cell, list, besides)
   end subroutine keep_packing
 
   !> Groups without the grains that have gone through a sink.
