@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from talus.checksum import created, opened
+from talus.clumps import Clumps, clumps_of, put_clumps
 from talus.datasets import DAMAGE, all_numbers, word
 from talus.faults import FaultError
 from talus.files import refuse, replaced, write_text_file
@@ -43,6 +44,7 @@ class Packing:
     tangential: np.ndarray = field(default_factory=lambda: np.empty((0, 3)))  # on the second [N]
     surcharge: np.ndarray | None = None  # load of each grain, downwards (n) [N]
     shift: np.ndarray | None = None  # edges to the image of the second (m, 3); None: the nearest
+    clumps: Clumps | None = None  # rigid grains whose spheres are among the grains
 
     def __post_init__(self) -> None:
         """Take ellipsoids where no forms are given."""
@@ -63,8 +65,15 @@ class Packing:
         """Number of grains."""
         return len(self.id)
 
+    def check_loose(self) -> None:
+        """Raise a fault (E681) if some grains are spheres of clumps."""
+        if self.clumps is not None:
+            text = "a packing with clumps cannot be cut, renumbered, repeated, scaled or joined"
+            raise FaultError("E681", text, "make it anew: talus pack cloud --clumps")
+
     def take(self, keep: np.ndarray) -> "Packing":
-        """Return the grains of a mask or index array; groups shrink with them."""
+        """Return the grains of a mask or index array; groups shrink with them. No clumps (E681)."""
+        self.check_loose()
         ids = self.id[keep]
         groups = {name: g[np.isin(g, ids)] for name, g in self.groups.items()}
         both = np.isin(self.pairs, ids).all(axis=1)
@@ -139,8 +148,10 @@ class Packing:
     def join(self, other: "Packing") -> "Packing":
         """Return both packings in one, in the cell of this one; ids must differ.
 
-        Contacts over the faces of another cell than this one's are left out.
+        Contacts over the faces of another cell than this one's are left out. No clumps (E681).
         """
+        self.check_loose()
+        other.check_loose()
         twice = np.intersect1d(self.id, other.id)
         if twice.size:
             raise FaultError("E503", f"grain id {twice[0]} is in both packings")
@@ -199,7 +210,7 @@ def write_h5(path: Path, packing: Packing) -> None:
     """Write packing.h5 (to a temporary name, then renamed)."""
     with replaced(path) as temporary, created(temporary) as file:
         file.attrs["format"] = np.bytes_("talus-packing")
-        file.attrs["version"] = np.int32(2 if packing.formed else 1)
+        file.attrs["version"] = np.int32(3 if packing.clumps else 2 if packing.formed else 1)
         grains = file.create_group("grains")
         grains["id"] = packing.id.astype(np.int64)
         grains["kind"] = packing.kind.astype(np.int32)
@@ -207,6 +218,8 @@ def write_h5(path: Path, packing: Packing) -> None:
         forms += ("surcharge",) if packing.surcharge.any() else ()
         for name in ("x", "quat", "axes", "v", "omega", *forms):
             grains[name] = np.ascontiguousarray(getattr(packing, name), np.float64)
+        if packing.clumps:
+            put_clumps(file, packing.clumps)
         groups = file.create_group("groups")
         for name, ids in packing.groups.items():
             groups[name] = np.sort(ids).astype(np.int64)
@@ -233,6 +246,8 @@ def read_h5(path: Path) -> Packing:
             groups = all_numbers(file.get("groups", {}))
             cell = all_numbers(file.get("cell", {}))
             contacts = all_numbers(file.get("contacts", {}))
+            rigid = all_numbers(file.get("clumps", {}))
+            templates = all_numbers(file.get("templates", {}))
     except FileNotFoundError as fault:
         raise FaultError("E501", f"no such file: {path}", exit_code=1) from fault
     except DAMAGE as fault:
@@ -245,6 +260,11 @@ def read_h5(path: Path) -> Packing:
     packing.pairs = contacts.get("ids", packing.pairs)
     packing.tangential = contacts.get("tangential", packing.tangential)
     packing.shift = contacts.get("shift")
+    if rigid:
+        try:
+            packing.clumps = clumps_of(templates, rigid)
+        except KeyError as fault:
+            raise FaultError("E502", f"{path} has no dataset {fault} of clumps") from fault
     return packing
 
 

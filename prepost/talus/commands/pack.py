@@ -8,7 +8,7 @@ import numpy as np
 from talus import generate, measure
 from talus.arguments import counting, natural, number, positive
 from talus.column_stamp import is_column
-from talus.commands import pack_column, pack_tile
+from talus.commands import pack_clump, pack_column, pack_tile
 from talus.commands.pack_cloud import (
     axes_option,
     cloud_of,
@@ -45,6 +45,13 @@ def register(commands: argparse._SubParsersAction) -> None:
     axes_option(new, "--box", "edges of the box [m]", required=True)
     cloud_options(new)
     new.add_argument("--periodic", action="store_true", help="the box is a periodic cell")
+    new.add_argument(
+        "--clumps", type=Path, metavar="FILE",
+        help="templates of clumps of spheres in place of --axes, see talus pack clump",
+    )  # fmt: skip
+    pack_clump.register(
+        sub_command(pack, "clump", pack_clump.clump, "spheres that fill a body, as a template")
+    )
     pack_tile.register(
         sub_command(pack, "tile", pack_tile.tile, "periodic cell at rest under a stress")
     )
@@ -117,6 +124,9 @@ def lattice(options: argparse.Namespace) -> int:
 
 def cloud(options: argparse.Namespace) -> int:
     """Make a random cloud."""
+    if options.clumps is not None:
+        made = pack_clump.cloud_of_clumps(options)
+        return finish(options, made, facts={"clumps": len(made.clumps.first)})
     forms, sizes, curve = grains_of(options)
     made = cloud_of(options, forms, sizes, np.array(options.box), options.periodic)
     if curve is None:
