@@ -126,7 +126,7 @@ contains
                     'a larger cell with more grains')
   end subroutine check_width
 
-  !> Centres lie in the cell, where it is periodic (D267).
+  !> Centres lie in the cell, where it is periodic, of clumps their centres of mass (D267).
   subroutine check_grains(deck, system, errors)
     type(deck_type), intent(in) :: deck
     type(dem_system_type), intent(in) :: system
@@ -137,17 +137,26 @@ contains
     outside = 0
     first = 0
     do i = 1, system%grains%n
-      s = fractions(system%cell, system%grains%x(:, i))
+      s = fractions(system%cell, centre_of(system, i))
       if (.not. any(system%cell%periodic .and. (s < -slack .or. s > 1.0_wp + slack))) cycle
       outside = outside + 1
       if (first == 0) first = i
     end do
     if (outside == 0) return
-    s = fractions(system%cell, system%grains%x(:, first))
+    s = fractions(system%cell, centre_of(system, first))
     call deck%fault(errors, 'D267', 'grain '//str(system%grains%id(first))//' lies outside the '// &
                     'cell, at '//str(s)//' of its edges ('//str(outside)//' such grains)', 'cell', &
                     1, '', 'origin and edges must hold all centres of the packing')
   end subroutine check_grains
+
+  !> Centre of a grain, of a member that of its clump [m].
+  pure function centre_of(system, i) result(x)
+    type(dem_system_type), intent(in) :: system
+    integer(i4), intent(in) :: i
+    real(wp) :: x(3)
+    x = system%grains%x(:, i)
+    if (system%clumps%n > 0) x = x - system%clumps%arm(:, i)
+  end function centre_of
 
   !> No wall cuts a periodic direction (D267).
   subroutine check_walls(deck, system, walls, errors)

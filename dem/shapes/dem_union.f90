@@ -14,7 +14,8 @@ module dem_union
   public :: union_mass_type, mass_of_union, principal_frame
 
   real(wp), parameter :: pi = acos(-1.0_wp)
-  integer(i4), parameter :: points = 8     !! Gauss points of an arc, or of half an interval
+  integer(i4), parameter :: points = 8     !! Gauss points of an arc, or of a part of an interval
+  integer(i4), parameter :: parts = 4      !! of an interval
   integer(i4), parameter :: few = 16       !! of more spheres, pairs end no interval
   integer(i4), parameter :: slices = 64    !! further ends then
   real(wp), parameter :: node(points) = [ &
@@ -91,11 +92,11 @@ contains
     do k = 1, size(ends, kind=i4) - 1
       half = 0.5_wp*(ends(k + 1) - ends(k))
       if (.not. half > 0.0_wp) cycle
-      do part = 0, 1
+      do part = 1, parts
         do j = 1, points
-          t = part - 0.5_wp + 0.5_wp*node(j)
+          t = (2.0_wp*part - 1.0_wp + node(j))/parts - 1.0_wp
           z = 0.5_wp*(ends(k) + ends(k + 1)) + 0.5_wp*half*t*(3.0_wp - t*t)
-          w = 0.5_wp*weight(j)*half*1.5_wp*(1.0_wp - t*t)
+          w = weight(j)/parts*half*1.5_wp*(1.0_wp - t*t)
           disc = slice(x, radius, z)
           sums = sums + w*[disc(1), disc(2), disc(3), z*disc(1), disc(4), disc(5), z*z*disc(1), &
                            disc(6), z*disc(3), z*disc(2)]

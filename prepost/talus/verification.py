@@ -88,6 +88,7 @@ class Step:
 
     time: float
     grains: dict[str, np.ndarray] = field(default_factory=dict)
+    clumps: dict[str, np.ndarray] = field(default_factory=dict)
     contacts: dict[str, np.ndarray] = field(default_factory=dict)
     solid: dict[str, np.ndarray] = field(default_factory=dict)
 
@@ -104,6 +105,8 @@ def field_steps(path: Path) -> list[Step]:
                 grains = {k: d[...] for k, d in group["grains"].items()}
                 order = np.argsort(grains["id"])
                 step.grains = {k: d[order] for k, d in grains.items()}
+            if "clumps" in group:
+                step.clumps = {k: d[...] for k, d in group["clumps"].items()}
             if "contacts" in group:
                 step.contacts = {k: d[...] for k, d in group["contacts"].items()}
             steps.append(step)
