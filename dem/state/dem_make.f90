@@ -5,8 +5,8 @@ module dem_make
   use talus_errors, only: error_list_type
   use talus_repeated_errors, only: repeated_errors_type
   use dem_coincident, only: check_centres, order_along
-  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_fixed, kind_mirror, &
-    kind_member
+  use dem_state, only: dem_grains_type, dem_planes_type, dem_material_type, kind_free, kind_fixed, &
+    kind_mirror, kind_member
   implicit none
   private
   public :: make_grains, make_planes, sorted_order, allocate_grains, prescribe_some, &
@@ -95,7 +95,8 @@ contains
         call few%add('I212', who//'orientation is no unit quaternion: '//str(quat(:, k)), &
                      'order w, x, y, z, length 1', errors)
       end if
-      if (kind(k) < 0 .or. (kind(k) > 3 .and. kind(k) /= kind_member) .or. material(k) < 1 .or. material(k) > n_materials) then
+      if (all(kind(k) /= [0_i4, 1_i4, 2_i4, 3_i4, kind_member]) .or. material(k) < 1 .or. &
+          material(k) > n_materials) then
         call few%add('I214', who//'unknown kind '//str(kind(k))//' or material '// &
                      str(material(k)), 'kinds: 0 free, 1 fixed, 2 driven', errors)
       end if

@@ -22,25 +22,28 @@ module dem_clump_steps
 
 contains
 
-  !> This thread's clumps: the end of a step, the start of the next one, or both.
-  subroutine pass_clumps(d, motion, finish, start, work, me, threads)
+  !> This thread's clumps: the end of a step, the start of the next one, or both. All threads of the
+  !! region are here; they wait for the chunks of grains, some of which have members among others.
+  subroutine pass_clumps(d, motion, halves, work, me, threads)
     type(dem_data_type), intent(inout) :: d
     type(motion_type), intent(in) :: motion
-    logical, intent(in) :: finish, start
+    logical, intent(in) :: halves(2)  !! the end, the start
     type(step_memory_type), intent(inout) :: work
     integer(i4), intent(in) :: me, threads
     integer(i4) :: chunks, c, slot, low, count
 
+    if (d%clumps%n == 0) return
+    !$omp barrier
     chunks = (d%clumps%n + lanes - 1)/lanes
     do c = 1 + int(int(chunks, i8)*me/threads, i4), int(int(chunks, i8)*(me + 1)/threads, i4)
       slot = size(work%load, kind=i4) + c
       low = (c - 1)*lanes
       count = min(lanes, d%clumps%n - low)
-      if (finish) then
+      if (halves(1)) then
         work%finished(:, slot) = 0.0_wp
         call finish_clumps(d, low, count, motion, work%finished(:, slot))
       end if
-      if (.not. start) cycle
+      if (.not. halves(2)) cycle
       work%started(:, slot) = 0.0_wp
       call start_clumps(d, low, count, motion, work%started(:, slot), work%travel(slot))
     end do
@@ -105,8 +108,8 @@ contains
       if (d%pairs%images == 0) cycle
       do k = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1
         call place_image(d%pairs, d%cell, k)
-        work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, k), lead(d, k))
       end do
+      work(4) = work(4) - 0.5_wp*dt*images_power(d, i)
     end do
   end subroutine follow_members
 
@@ -141,7 +144,7 @@ contains
     real(wp), intent(in) :: dt
     real(wp), intent(inout) :: work(work_count)
     real(wp) :: x(lanes, 3), force(lanes, 3), moment(lanes, 3), load(6)
-    integer(i4) :: first, count, k, i, m
+    integer(i4) :: first, count, k, i
 
     do first = d%clumps%first(clump), d%clumps%last(clump), lanes
       count = min(lanes, d%clumps%last(clump) - first + 1)
@@ -153,11 +156,7 @@ contains
         d%grains%force(:, i) = force(k, :)
         d%grains%moment(:, i) = moment(k, :)
         if (d%cell%active) call sum_images(d, i, d%grains%force(:, i), d%grains%moment(:, i))
-        if (d%pairs%images > 0) then
-          do m = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1
-            work(4) = work(4) - 0.5_wp*dt*dot_product(d%pairs%image_force(:, m), lead(d, m))
-          end do
-        end if
+        if (d%pairs%images > 0) work(4) = work(4) - 0.5_wp*dt*images_power(d, i)
         if (d%surfaces%list%near == 0) cycle
         load = surface_load(d%surfaces, i)
         d%grains%force(:, i) = d%grains%force(:, i) + load(:3)
@@ -165,6 +164,17 @@ contains
       end do
     end do
   end subroutine sum_members
+
+  !> Power of the flow on the images of grain i, against their forces [W].
+  pure real(wp) function images_power(d, i) result(power)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: i
+    integer(i4) :: k
+    power = 0.0_wp
+    do k = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1
+      power = power + dot_product(d%pairs%image_force(:, k), lead(d, k))
+    end do
+  end function images_power
 
   !> A block of clumps as they are now.
   subroutine load_clumps(d, low, count, block, state)

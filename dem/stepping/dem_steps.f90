@@ -12,8 +12,8 @@ module dem_steps
   use, intrinsic :: omp_lib, only: omp_get_thread_num, omp_get_num_threads, omp_get_max_threads
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
-  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, kind_mirror, &
-    kind_member
+  use dem_state, only: dem_data_type, dem_pairs_type, kind_free, kind_fixed, kind_ghost, &
+    kind_mirror, kind_member
   use dem_carry, only: sum_images
   use dem_cell, only: advance_cell
   use dem_lost, only: all_finite, name_lost_grain, name_stray
@@ -125,18 +125,12 @@ contains
     me = omp_get_thread_num()
     threads = omp_get_num_threads()
     call share_chunks(work%load, me, threads, low, high)
-    do c = low, min(high, size(work%blocks))
-      call load_block(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
-                      work%blocks(c))
-    end do
+    call load_chunks(d, low, high, work)
     if (.not. resumed) then
       do c = low, high
         call start_chunk(d, c, motion, done + 1 == n, .true., work, states(me), .true.)
       end do
-      if (d%clumps%n > 0) then
-        !$omp barrier
-        call pass_clumps(d, motion, .false., .true., work, me, threads)
-      end if
+      call pass_clumps(d, motion, [.false., .true.], work, me, threads)
     end if
     begun = resumed
     leave = .false.
@@ -188,10 +182,7 @@ contains
         exact = several .or. mod(before + s + c, look) == 0
         if (s < n) call start_chunk(d, c, motion, s + 1 == n, exact, work, states(me), .false.)
       end do
-      if (d%clumps%n > 0) then
-        !$omp barrier
-        call pass_clumps(d, motion, .true., s < n, work, me, threads)
-      end if
+      call pass_clumps(d, motion, [.true., s < n], work, me, threads)
     end do
     do c = low, merge(min(high, size(work%blocks)), 0, leave)
       call recall_chunk(d, work%blocks(c), states(me))
@@ -205,6 +196,18 @@ contains
     !$omp end master
     !$omp end parallel
   end subroutine run_region
+
+  !> Integration blocks of the chunks of a thread.
+  subroutine load_chunks(d, low, high, work)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: low, high
+    type(step_memory_type), intent(inout) :: work
+    integer(i4) :: c
+    do c = low, min(high, size(work%blocks))
+      call load_block(d%grains, d%pairs, (c - 1)*chunk, min(chunk, d%grains%n - (c - 1)*chunk), &
+                      work%blocks(c))
+    end do
+  end subroutine load_chunks
 
   !> Forces of this thread's run of the blocks of each group: those at the border, which other ranks
   !! have too, or all others.

@@ -1,5 +1,5 @@
-!> Clumps of packing files: templates and where they stand (manual/files.md, version 3). Faults I281,
-!! I282.
+!> Clumps of packing files: templates and where they stand (manual/files.md, version 3). Faults
+!! I281, I282.
 module dem_clump_file
   use talus_kinds, only: wp, i4, i8
   use talus_text, only: str, is_finite
@@ -108,7 +108,8 @@ contains
       what = 'datasets of different lengths'
     else
       bad = findloc([(is_clump(int(bad, i4)), bad=1, c%n)], .false., 1)
-      if (bad > 0) what = 'clump '//str(bad)//' with a template, scale, place or motion that is none'
+      if (bad > 0) what = 'a clump, number '//str(bad)//', whose template, scale, place '// &
+        'or motion is none'
     end if
     if (len(what) > 0) call errors%add('I282', "'"//path//"' has "//what, path//':/clumps', &
                                        'make the packing again')

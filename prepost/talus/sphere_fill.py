@@ -29,7 +29,7 @@ class Fidelity:
 
 
 def read_body(path: Path) -> np.ndarray:
-    """Read the triangles (n, 3, 3) of an STL (binary or text) or OBJ file [m]; faults E501, E682."""
+    """Read the triangles (n, 3, 3) of an STL or OBJ file [m]; faults E501, E682."""
     try:
         raw = path.read_bytes()
     except OSError as fault:

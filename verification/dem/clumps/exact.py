@@ -234,8 +234,8 @@ def judge_cell(case: Case) -> None:
         write_h5(case.folder / f"{name}_pack.h5", made)
         more = "&cell /\n" + STEP.format(1.0e-6)
         ends.append(run_deck(case, name, more, END=0.004, FRICTION=0.3, DASH=0.1)[-1].clumps)
-    case.above("meeting, change of velocity [m/s]", float(np.abs(ends[0]["v"][0, 0] - 0.4)), 0.05,
-               "they do meet")  # fmt: skip
+    change = float(np.abs(ends[0]["v"][0, 0] - 0.4))
+    case.above("meeting, change of velocity [m/s]", change, 0.05, "they do meet")
     off = [np.abs(ends[0][k] - ends[1][k]).max() / np.abs(ends[0][k]).max() for k in ("v", "omega")]
     case.below("meeting over a face, motion that differs", float(max(off)), 1e-8, "rounding")
     off = (ends[1]["x"] - ends[0]["x"] - [3.9e-3, 0, 0]) / 8.2e-3
