@@ -13,7 +13,7 @@ module dem_fields
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
   use dem_slabs, only: dem_slab_type, slab_grains
-  use dem_state, only: dem_grains_type
+  use dem_state, only: dem_grains_type, kind_free, kind_member
   use dem_wear_output, only: put_wear
   implicit none
   private
@@ -157,7 +157,7 @@ contains
     integer(i4), intent(in) :: coordination(:)
     type(error_list_type), intent(inout) :: errors
     call file%put(group//'/id', g%id, errors)
-    call file%put(group//'/kind', g%kind, errors)
+    call file%put(group//'/kind', merge(kind_free, g%kind, g%kind == kind_member), errors)
     call file%put(group//'/coordination', coordination, errors)
     call file%put(group//'/x', g%x, errors)
     call put_shapes(file, group, g, errors)

@@ -48,6 +48,7 @@ def write_lammps(
     by default what holds all grains. Numbers have 17 digits and read back to the same bits,
     save radii, which go through the diameter and halve exactly.
     """
+    packing.check_loose()
     radii = sphere_radii(packing, spheres)
     if box is None:
         low = (packing.x - radii[:, None]).min(axis=0)

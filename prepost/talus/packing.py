@@ -68,7 +68,7 @@ class Packing:
     def check_loose(self) -> None:
         """Raise a fault (E681) if some grains are spheres of clumps."""
         if self.clumps is not None:
-            text = "a packing with clumps cannot be cut, renumbered, repeated, scaled or joined"
+            text = "a packing with clumps cannot be cut, renumbered, repeated, joined or converted"
             raise FaultError("E681", text, "make it anew: talus pack cloud --clumps")
 
     def take(self, keep: np.ndarray) -> "Packing":
@@ -364,10 +364,11 @@ def check_contacts(packing: Packing, place: str) -> None:
 
 
 def write_text(path: Path, packing: Packing, header: str = "") -> None:
-    """Write the text form; 17 digits, so that it reads back to the same bits.
+    """Write the text form; 17 digits, so that it reads back to the same bits. No clumps (E681).
 
     The last word of a row names the grain's groups with commas between; '-' is none.
     """
+    packing.check_loose()
     members: dict[int, list[str]] = {int(i): [] for i in packing.id}
     for name, ids in packing.groups.items():
         if len(name.split()) != 1 or "," in name or name == "-":
