@@ -84,9 +84,8 @@ def test_stl_and_obj_hold_the_same_body(tmp_path: Path) -> None:
 def test_cloud_of_two_templates(tmp_path: Path) -> None:
     """A cloud keeps clumps apart, draws templates by weight, reads back, and is not cut."""
     table = tmp_path / "templates.txt"
-    table.write_text(
-        "# two kinds\ntemplate 3\n0 0 0 1\n1.2 0 0 1\ntemplate 1\nmass 8 0 0 0 5 5 5 0 0 0\n0 0 0 1\n"
-    )
+    pair, given = "0 0 0 1\n1.2 0 0 1\n", "mass 8 0 0 0 5 5 5 0 0 0\n0 0 0 1\n"
+    table.write_text(f"# two kinds\ntemplate 3\n{pair}template 1\n{given}")
     pack = tmp_path / "pack.h5"
     words = ["pack", "cloud", "--clumps", str(table), "--count", "60", "--spread", "0.2"]
     assert main([*words, "--box", "25", "25", "25", "-o", str(pack), "--periodic"]) == 0

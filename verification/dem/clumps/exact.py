@@ -2,6 +2,7 @@
 
 import numpy as np
 import same_bits
+from triangle_nets import net, write_stl
 
 from talus.clumps import Template, mass_of, rotation
 from talus.commands.pack_clump import packing_of_clumps
@@ -11,6 +12,7 @@ from talus.verification import Case, field_steps, read_history
 RADIUS, DENSITY = 1.0e-3, 2500.0
 APART = 1.2e-3  # of the spheres of the dumbbell [m]
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
+FACE = "&surface id = 'w', file = 'face.stl', material = 'glass' /\n"
 FLOOR = "&wall id = 'w', point = 0, 0, 0, normal = 0, 0, 1, material = 'glass' /\n"
 STEP = "&dynamics dt = {!r}, allow_unstable = .true. /\n"
 TRIPLE = Template(
@@ -122,6 +124,21 @@ def judge_impact(case: Case) -> None:
     case.figure_data = np.array(errors)
 
 
+def judge_surface(case: Case) -> None:
+    """Judge a tumbling fall of two kinds with friction onto a triangle against the wall."""
+    write_stl(case.folder / "face.stl", net(1, 0.1))
+    x, quat = [[0, 0, 3e-3], [6e-3, 1e-3, 4e-3]], [turned([1, 2, 0], 0.7), turned([0, 1, 1], 1.9)]
+    words = {"END": 0.02, "GRAVITY": -9.81, "FRICTION": 0.4, "DASH": 0.1}
+    ends = []
+    for name, plane in (("on_wall", FLOOR), ("on_face", FACE)):
+        write(case, name, [dumbbell(), TRIPLE], [0, 1], x, quat, [[0.2, 0, -0.3], [0, 0.1, -0.3]])
+        ends.append(run_deck(case, name, plane + STEP.format(1.0e-6), **words)[-1].clumps)
+    off = max(float(np.abs(ends[1][k] - ends[0][k]).max() / np.abs(ends[0][k]).max())
+              for k in ("x", "v", "omega", "quat"))  # fmt: skip
+    case.below("onto a triangle and onto a wall, motion that differs", off, 1e-9, "rounding")
+    case.above("they have struck, spin [rad/s]", float(np.abs(ends[0]["omega"]).max()), 10.0)
+
+
 def flight(case: Case, name: str, step: float) -> list:
     """Return the steps of the flight of three spheres."""
     write(case, name, [TRIPLE], [0], [[2e-3, 1e-3, 3e-3]], [UPRIGHT], [[0.1, -0.05, 0.2]],
@@ -185,8 +202,9 @@ def judge_rest(case: Case) -> None:
     weight = 9.81 * end.clumps["mass"][0]
     share = np.linalg.solve(np.vstack([feet[:, :2].T, np.ones(3)]), [*middle[:2], 1.0])
     for k in range(3):
-        case.metric(f"rest, share of support {k + 1}", float(end.grains["force"][k, 2] / weight),
-                    float(share[k]), 1e-4, "centre of mass from columns, tilt by overlaps")  # fmt: skip
+        bears = float(end.grains["force"][k, 2] / weight)
+        note = "centre of mass from columns, tilt by overlaps"
+        case.metric(f"rest, share of support {k + 1}", bears, float(share[k]), 1e-4, note)
 
 
 def judge_one(case: Case) -> None:
@@ -250,6 +268,7 @@ def run(case: Case) -> None:
     """Judge all; plot the limit of the stiff impact."""
     judge_masses(case)
     judge_impact(case)
+    judge_surface(case)
     judge_flight(case)
     judge_rest(case)
     judge_one(case)

@@ -84,7 +84,7 @@ contains
       back = back + moment(k)*spread(r(:, k), 2, 3)*spread(r(:, k), 1, 3)
     end do
     call test%check_close('tensor from its principal frame', &
-      maxval(abs([back(1, 1), back(2, 2), back(3, 3), back(1, 2), back(2, 3), back(3, 1)] &
-                 - inertia)), 0.0_wp, 1.0e-13_wp)
+      norm2([back(1, 1), back(2, 2), back(3, 3), back(1, 2), back(2, 3), back(3, 1)] - inertia), &
+      0.0_wp, 1.0e-13_wp)
   end subroutine judge_frame
 end program test_dem_union
