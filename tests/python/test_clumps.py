@@ -1,5 +1,6 @@
 """Clumps of spheres: templates, clouds, bodies filled with spheres, packings, a picture."""
 
+import json
 import struct
 from pathlib import Path
 
@@ -116,14 +117,17 @@ def test_faults_of_templates(tmp_path: Path, text: str) -> None:
         clumps.read_templates(table)
 
 
-def test_clump_of_a_body(tmp_path: Path) -> None:
+def test_clump_of_a_body(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """`talus pack clump` writes a template with the body's mass that a cloud takes."""
     body = box((2.0, 1.0, 1.0)).astype("<f4")
     rows = b"".join(struct.pack("<12fH", 0, 0, 0, *c.ravel(), 0) for c in body)
     stl, table = tmp_path / "box.stl", tmp_path / "box.txt"
     stl.write_bytes(bytes(80) + struct.pack("<I", 12) + rows)
     words = ["pack", "clump", str(stl), "--spheres", "6", "--grid", "12", "--body-mass"]
-    assert main([*words, "-o", str(table)]) == 0
+    assert main([*words, "--json", "-o", str(table)]) == 0
+    facts = json.loads(capsys.readouterr().out)
+    assert facts["spheres"] == 6
+    assert -0.6 < facts["error of the volume"] < 0.0
     (template,) = clumps.read_templates(table)
     assert len(template.radius) == 6
     assert template.volume == pytest.approx(2.0)

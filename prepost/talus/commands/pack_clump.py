@@ -1,6 +1,7 @@
 """`talus pack clump`, and clouds of clumps."""
 
 import argparse
+import json
 from pathlib import Path
 
 import numpy as np
@@ -51,7 +52,7 @@ def clump(options: argparse.Namespace) -> int:
         "errors of the principal moments": true.inertia,
     }
     if options.json:
-        print(plain({"file": np.array(str(options.output)), **facts}))
+        print(json.dumps(plain({"file": str(options.output), **facts})))
     else:
         print(f"{options.output}:")
         print_facts(facts)
