@@ -4,11 +4,13 @@ program talus_couple
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_answers, only: asks_a_question, answer_question
+  use talus_memory_text, only: foretold_type
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: begin_signals, talus_exit
   use cpl_check, only: check_solvers
+  use cpl_memory, only: foretell_memory
   use cpl_deck_keys, only: cpl_deck_table
   use cpl_model, only: cpl_model_type, program_name
   use cpl_partition_file, only: weigh_file
@@ -59,11 +61,16 @@ contains
     call talus_exit(0_i4)
   end subroutine weigh
 
-  !> --check: the coupled deck, then both solvers' own checks, all faults together.
+  !> --check: the coupled deck, then both solvers' own checks, all faults together; the memory.
   subroutine check()
-    call check_solvers(model%run%solvers, model%run%choices, errors)
+    type(foretold_type) :: foretold
+    logical :: memory
+    memory = options%memory .or. .not. options%json
+    call check_solvers(model%run%solvers, model%run%choices, memory, errors)
+    if (memory .and. .not. errors%any()) &
+      call foretell_memory(model%run%solvers, model%run%choices, foretold)
     call errors%locate(options%deck)
-    call report_check(program_name, model%run%deck, errors, options%json)
+    call report_check(program_name, model%run%deck, errors, options%json, foretold=foretold)
     call talus_exit(errors%exit_code())
   end subroutine check
 end program talus_couple

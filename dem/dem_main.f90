@@ -5,6 +5,7 @@ program talus_dem
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_answers, only: asks_a_question, answer_question
+  use talus_memory_text, only: foretold_type
   use talus_options, only: options_type, parse_options
   use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use talus_report, only: report_check
@@ -14,7 +15,7 @@ program talus_dem
   use dem_rank_team, only: dem_rank_team_type
   use dem_rank_worker, only: serve_leader
   use dem_swap, only: prefer_copies
-  use dem_memory, only: report_memory, check_ranks
+  use dem_memory, only: foretell_memory, check_ranks
   use dem_model, only: dem_model_type, program_name
   use dem_measure_file, only: measure_file
   use dem_deck_keys, only: dem_deck_table
@@ -91,16 +92,17 @@ contains
 
   !> --check: read everything, evaluate the first forces, report with the required memory, exit.
   subroutine check()
+    type(foretold_type) :: foretold
     if (options%ranks > 0 .and. ranks%several()) &
       call errors%add('D022', 'option --ranks is for one process, there are '// &
                       str(ranks%ranks), 'command line', 'leave out --ranks, or mpirun')
     if (.not. errors%any()) call model%read(options, errors)
     if (.not. errors%any()) call check_ranks(model, errors)
     if (.not. errors%any()) call model%prepare(errors)
+    if (.not. errors%any() .and. (options%memory .or. .not. options%json)) &
+      call foretell_memory(model, foretold)
     call errors%locate(options%deck)
-    call report_check(program_name, model%deck, errors, options%json)
-    if (.not. (errors%any() .or. options%json)) &
-      call report_memory(model)
+    call report_check(program_name, model%deck, errors, options%json, foretold=foretold)
     call go(errors%exit_code())
   end subroutine check
 

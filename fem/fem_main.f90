@@ -5,12 +5,14 @@ program talus_fem
   use talus_kinds, only: i4
   use talus_errors, only: error_list_type
   use talus_answers, only: asks_a_question, answer_question
+  use talus_memory_text, only: foretold_type
   use talus_options, only: options_type, parse_options
   use talus_report, only: report_check
   use talus_deck_table, only: key_table_type
   use talus_system, only: begin_signals, talus_blas_kernels, talus_exit, &
     talus_short_spins
   use fem_model, only: fem_model_type, program_name
+  use fem_memory, only: foretell_memory
   use fem_deck_keys, only: fem_deck_table
   use talus_ranks, only: ranks_type, join_ranks, leave_ranks
   use fem_point, only: run_point
@@ -82,14 +84,17 @@ contains
     call talus_exit(0_i4)
   end subroutine answer
 
-  !> --check: read everything, assemble and factor, report, leave.
+  !> --check: read everything, assemble and factor, report with the memory of a run, leave.
   subroutine check()
     character(len=:), allocatable :: analysis
+    type(foretold_type) :: foretold
     call read_and_prepare()
+    if (.not. errors%any() .and. (options%memory .or. .not. options%json)) &
+      call foretell_memory(model, foretold)
     call errors%locate(options%deck)
     if (allocated(model%analysis)) analysis = model%analysis%kind
-    if (ranks%leads()) &
-      call report_check(program_name, model%deck, errors, options%json, analysis)
+    if (ranks%leads()) call report_check(program_name, model%deck, errors, options%json, &
+                                         analysis, foretold)
     call leave_ranks()
     call talus_exit(errors%exit_code())
   end subroutine check

@@ -147,10 +147,20 @@ int64_t talus_c_memory_resident(void)
     return resident < 0 ? -1 : (int64_t)resident * (int64_t)sysconf(_SC_PAGESIZE);
 }
 
-/* The most that was ever resident. */
+/* The most that was ever resident. getrusage counts what the process had before it became this program,
+   a copy of the one that started it: it is asked where there is no /proc. */
 int64_t talus_c_memory_most(void)
 {
     struct rusage usage;
+    char line[128];
+    long long kib = -1;
+    FILE *f = fopen("/proc/self/status", "r");
+    if (f != NULL) {
+        while (fgets(line, sizeof line, f) != NULL)
+            if (sscanf(line, "VmHWM: %lld", &kib) == 1) break;
+        fclose(f);
+    }
+    if (kib >= 0) return (int64_t)kib * 1024;
     if (getrusage(RUSAGE_SELF, &usage) != 0) return -1;
     return (int64_t)usage.ru_maxrss * 1024;
 }

@@ -17,6 +17,7 @@ module talus_options
     character(len=:), allocatable :: deck        !! path of the deck, '' if none was given
     logical :: check = .false.                   !! read, check, echo, leave
     logical :: json = .false.                    !! answers of --check and --keys as JSON
+    logical :: memory = .false.                  !! with check and json: the memory too
     logical :: keys = .false.                    !! print the key table
     logical :: version = .false., help = .false.
     character(len=:), allocatable :: restart     !! '', 'auto' or a checkpoint
@@ -105,7 +106,7 @@ contains
       value = text(equals + 1:)
     end if
     select case (name)
-    case ('--check', '--json', '--keys', '--version', '--help', '-h')
+    case ('--check', '--json', '--memory', '--keys', '--version', '--help', '-h')
       if (equals > 0) then
         call errors%add('D022', 'option '//name//' accepts no value', 'command line', &
                         'write '//name)
@@ -152,6 +153,8 @@ contains
       options%check = .true.
     case ('--json')
       options%json = .true.
+    case ('--memory')
+      options%memory = .true.
     case ('--keys')
       options%keys = .true.
     case ('--version')
@@ -197,6 +200,7 @@ contains
 
     call append_string(names, '--check')
     call append_string(names, '--json')
+    call append_string(names, '--memory')
     call append_string(names, '--keys')
     call append_string(names, '--version')
     call append_string(names, '--help')
@@ -249,6 +253,7 @@ contains
     call append_string(lines, '  --check         read the deck and all that it names, report'// &
                        ' every fault, run nothing')
     call append_string(lines, '  --json          with --check or --keys: answer as JSON')
+    call append_string(lines, '  --memory        with --check --json: the memory that a run takes')
     call append_string(lines, '  --keys          groups and keys of a deck')
     call append_string(lines, '  --restart=auto  go on from the newest complete checkpoint')
     call append_string(lines, '  --restart=FILE  go on from this checkpoint')

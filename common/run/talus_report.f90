@@ -5,6 +5,7 @@ module talus_report
   use talus_text, only: string_type, str, join
   use talus_errors, only: error_list_type, error_type
   use talus_json, only: json_type
+  use talus_memory_text, only: foretold_type
   use talus_deck, only: deck_type
   use talus_deck_table, only: key_table_type, deck_key_type, deck_group_type, &
     deck_condition_type, range_text, rule_text, conditions_text
@@ -16,12 +17,13 @@ contains
 
   !> Outcome of --check: the deck as understood on stdout, or faults on stderr; with json one
   !! object on stdout. A deck that was never read (no path) is not echoed.
-  subroutine report_check(program, deck, errors, json, analysis)
+  subroutine report_check(program, deck, errors, json, analysis, foretold)
     character(len=*), intent(in) :: program
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(in) :: errors
     logical, intent(in) :: json
     character(len=*), intent(in), optional :: analysis  !! kind of a solid's analysis
+    type(foretold_type), intent(in), optional :: foretold  !! memory that a run takes
     type(string_type), allocatable :: lines(:)
     character(len=:), allocatable :: path
     integer(i4) :: k
@@ -29,7 +31,8 @@ contains
     path = ''
     if (allocated(deck%source%path)) path = deck%source%path
     if (json) then
-      write (output_unit, '(a)', advance='no') faults_json(program, path, errors, analysis)
+      write (output_unit, '(a)', advance='no') faults_json(program, path, errors, &
+        analysis, foretold)
     else if (errors%any()) then
       call errors%print(error_unit)
     else
@@ -38,16 +41,21 @@ contains
         write (output_unit, '(a)') lines(k)%s
       end do
       write (output_unit, '(a)') program//': '//path//' is good'
+      if (present(foretold)) then
+        if (allocated(foretold%text)) write (output_unit, '(a)') foretold%text
+      end if
     end if
     flush (output_unit)
   end subroutine report_check
 
-  !> Faults as JSON: program, deck, ok, analysis (of a solid),
+  !> Faults as JSON: program, deck, ok, analysis (of a solid), memory (of each rank, MiB),
+  !! entities (grains or nodes),
   !! errors[code, message, place, line, column, source, hint].
-  function faults_json(program, deck, errors, analysis) result(text)
+  function faults_json(program, deck, errors, analysis, foretold) result(text)
     character(len=*), intent(in) :: program, deck
     type(error_list_type), intent(in) :: errors
     character(len=*), intent(in), optional :: analysis  !! kind of a solid's analysis
+    type(foretold_type), intent(in), optional :: foretold  !! memory that a run takes
     character(len=:), allocatable :: text
     type(json_type) :: json
 
@@ -57,6 +65,10 @@ contains
     call json%put('ok', .not. errors%any())
     call json%put('exit_code', errors%exit_code())
     if (present(analysis)) call json%put('analysis', analysis)
+    if (present(foretold)) then
+      if (allocated(foretold%most)) call json%put('memory', foretold%most)
+      if (allocated(foretold%most)) call json%put('entities', foretold%entities)
+    end if
     call put_faults(json, 'errors', errors)
     call json%end()
     text = json%text()

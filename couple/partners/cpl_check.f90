@@ -7,27 +7,29 @@ module cpl_check
   use talus_process, only: process_type, sibling_program
   use cpl_analysis, only: check_analysis
   use cpl_choices, only: cpl_choices_type
-  use cpl_solver, only: cpl_solver_type, side_solid
+  use cpl_solver, only: cpl_solver_type, sides, side_grains, side_solid
   implicit none
   private
-  public :: check_solvers, take_faults, take_analysis
+  public :: check_solvers, take_faults, take_analysis, take_memory
 
   real(wp), parameter :: patience = 600.0_wp  !! s
 
 contains
 
   !> Check the decks of both solvers as decks of a coupled run, and whether the solid's analysis
-  !! fits it. Those launched by a command or by the user are checked with the program next to this
-  !! one; the input of a solver of another make is left alone.
-  subroutine check_solvers(solvers, choices, errors)
+  !! fits it; if asked, let them tell their memory. Those launched by mpirun are checked with its
+  !! ranks, others by the program next to this one; the input of a solver of another make is left
+  !! alone.
+  subroutine check_solvers(solvers, choices, memory, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(cpl_choices_type), intent(in) :: choices
+    logical, intent(in) :: memory
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, 2
       if (.not. allocated(solvers(k)%deck)) cycle
       if (len(solvers(k)%deck) > 0 .and. .not. is_foreign(solvers(k))) &
-        call check_one(solvers(k), errors)
+        call check_one(solvers(k), on_ranks(solvers(k), choices), memory, errors)
     end do
     if (.not. allocated(solvers(side_solid)%analysis)) return
     call check_analysis(solvers(side_solid), choices, errors)
@@ -45,32 +47,67 @@ contains
                  solver%deck(max(last - 3, 1):last) /= '.nml'
   end function is_foreign
 
-  subroutine check_one(solver, errors)
+  !> Is its command mpirun, or mpiexec, with our program? In an overlap the first rank has all
+  !! grains and moves them alone: one process tells its memory.
+  pure logical function on_ranks(solver, choices)
+    type(cpl_solver_type), intent(in) :: solver
+    type(cpl_choices_type), intent(in) :: choices
+    on_ranks = solver%launch == 'command' .and. index(solver%command, solver%program) > 0
+    if (on_ranks) on_ranks = index(' '//solver%command, 'mpirun ') > 0 .or. &
+      index(' '//solver%command, 'mpiexec ') > 0
+    if (choices%overlap%given .and. solver%side == sides(side_grains)) on_ranks = .false.
+  end function on_ranks
+
+  subroutine check_one(solver, launched, memory, errors)
     type(cpl_solver_type), intent(inout) :: solver
+    logical, intent(in) :: launched  !! by its command
+    logical, intent(in) :: memory
     type(error_list_type), intent(inout) :: errors
-    type(process_type) :: process
-    type(string_type), allocatable :: argv(:)
     character(len=:), allocatable :: text
     integer(i4) :: before
 
-    call append_string(argv, sibling_program(solver%program))
-    call append_string(argv, solver%deck)
-    call append_string(argv, '--check')
-    call append_string(argv, '--json')
-    call append_string(argv, '--port=check')
     before = errors%count
-    call process%spawn(argv, '', solver%output, solver%threads, errors)
-    if (errors%count > before) return
-    if (.not. process%wait(patience)) call process%stop(0.0_wp)
-    call read_file(solver%output, text, errors)
-    call remove_file(solver%output)
+    call answer_of(solver, launched, memory, text, errors)
+    if (launched .and. index(text, '"errors"') == 0) &  ! the launcher works elsewhere
+      call answer_of(solver, .false., memory, text, errors)
     if (errors%count > before) return
     call take_faults(solver%program, text, errors)
     call take_analysis(text, solver%analysis)
-    if (errors%count == before .and. process%exit_code /= 0) &
-      call errors%add('P424', solver%program//' --check gave no answer: '//process%epitaph(), &
-                      solver%deck, 'start it by hand to see why')
+    if (memory) call take_memory(text, solver%memory, solver%entities)
+    if (errors%count == before .and. solver%process%exit_code /= 0) &
+      call errors%add('P424', solver%program//' --check gave no answer: '// &
+        solver%process%epitaph(), solver%deck, 'start it by hand to see why')
   end subroutine check_one
+
+  !> What a solver's --check --json says, by its launcher or by the program next to this one.
+  subroutine answer_of(solver, launched, memory, text, errors)
+    type(cpl_solver_type), intent(inout) :: solver
+    logical, intent(in) :: launched, memory
+    character(len=:), allocatable, intent(out) :: text
+    type(error_list_type), intent(inout) :: errors
+    type(error_list_type) :: faults
+    type(string_type), allocatable :: argv(:)
+
+    text = ''
+    if (.not. launched) call append_string(argv, sibling_program(solver%program))
+    call append_string(argv, solver%deck)
+    call append_string(argv, '--check')
+    call append_string(argv, '--json')
+    if (memory) call append_string(argv, '--memory')
+    call append_string(argv, '--port=check')
+    associate (process => solver%process)
+      if (launched) then
+        call process%spawn_command(solver%command, '', solver%output, solver%threads, faults, argv)
+        if (faults%any()) return
+      else
+        call process%spawn(argv, '', solver%output, solver%threads, errors)
+        if (process%pid == 0) return
+      end if
+      if (.not. process%wait(patience)) call process%stop(0.0_wp)
+    end associate
+    call read_file(solver%output, text, errors)
+    call remove_file(solver%output)
+  end subroutine answer_of
 
   !> Faults in the answer of a program's --check --json (talus_report writes them).
   subroutine take_faults(program, json, errors)
@@ -105,6 +142,29 @@ contains
     call next_value(json, 'analysis', at, value)
     if (at > 0) analysis = value
   end subroutine take_analysis
+
+  !> Memory of each rank [MiB], and grains or nodes, in such an answer; not allocated where it has
+  !! none.
+  subroutine take_memory(json, memory, entities)
+    character(len=*), intent(in) :: json
+    real(wp), allocatable, intent(out) :: memory(:)
+    integer(i4), intent(out) :: entities
+    character(len=:), allocatable :: value
+    integer :: at, behind, k, status
+    entities = 0
+    at = index(json, '"memory":')
+    if (at == 0) return
+    behind = at + scan(json(at:)//']', ']') - 1
+    at = at + scan(json(at:)//'[', '[')
+    if (at > behind) return
+    allocate (memory(count([(json(k:k) == ',', k=at, behind - 1)]) + 1), source=0.0_wp)
+    read (json(at:behind - 1), *, iostat=status) memory
+    if (status /= 0) deallocate (memory)
+    if (status /= 0) return
+    at = behind
+    call next_value(json, 'entities', at, value)
+    if (at > 0) read (value, *, iostat=status) entities
+  end subroutine take_memory
 
   !> Value of the next "key": after position at, which moves behind it; 0 when there is none.
   subroutine next_value(json, key, at, value)

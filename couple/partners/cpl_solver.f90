@@ -46,6 +46,8 @@ module cpl_solver
     real(wp) :: motion(3) = [0.0_wp, 1.0_wp, 1.0_wp]  !! background damping of grains [1/s], factors
                                      !! on their masses and on their moments of inertia
     integer(i4) :: ranks = 1
+    real(wp), allocatable :: memory(:)  !! of each rank as its check told [MiB]
+    integer(i4) :: entities = 0      !! grains or nodes, as its check told
     real(wp) :: stood = 0.0_wp       !! it waited for the coupling so far [s]
     real(wp), private :: asked = 0.0_wp     !! wall clock when it was asked last [s]
   contains

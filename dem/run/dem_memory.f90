@@ -1,10 +1,10 @@
 !> Memory that a deck needs, on stdout, for --check: of one process after the first forces, of ranks
 !! after their peaks, of other numbers of ranks as predicted.
 module dem_memory
-  use, intrinsic :: iso_fortran_env, only: output_unit
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
+  use talus_memory_text, only: foretold_type, text_of_ranks, span
   use talus_system, only: memory_free, memory_resident, memory_most
   use talus_text, only: str
   use dem_archive, only: dem_archive_type
@@ -15,7 +15,7 @@ module dem_memory
   use dem_system, only: dem_system_type
   implicit none
   private
-  public :: report_memory, check_ranks
+  public :: foretell_memory, check_ranks
 
   real(wp), parameter :: mebibyte = 1048576.0_wp
 
@@ -41,19 +41,19 @@ contains
   end subroutine check_ranks
 
   !> Of the run that was prepared.
-  subroutine report_memory(model)
+  subroutine foretell_memory(model, foretold)
     type(dem_model_type), intent(inout) :: model
-    character(len=:), allocatable :: text
+    type(foretold_type), intent(out) :: foretold
     if (allocated(model%system%rank_team)) then
-      text = memory_of_ranks(model%system, gathers(model))
+      call memory_of_ranks(model%system, gathers(model), foretold)
     else
-      text = memory_of_one(model%system)
-      if (model%options%ranks > 0) text = text//new_line('a')//estimated(model)
+      call memory_of_one(model%system, foretold%text)
+      foretold%most = [memory_most()/mebibyte]
+      if (model%options%ranks > 0) foretold%text = foretold%text//new_line('a')//estimated(model)
     end if
-    if (model%breakage%active()) text = text//model%breakage%foretold()
-    write (output_unit, '(a)') text
-    flush (output_unit)
-  end subroutine report_memory
+    foretold%entities = model%system%grains%n
+    if (model%breakage%active()) foretold%text = foretold%text//model%breakage%foretold()
+  end subroutine foretell_memory
 
   !> Does anything require that the whole be gathered from time to time?
   logical function gathers(model)
@@ -66,9 +66,9 @@ contains
   !> Now, at the peak of steps with new lists, and at that of a checkpoint. Lists are made twice:
   !! the second carries over all that the first holds, and leaves gaps that the heap keeps. The
   !! state is not that of the start any more.
-  function memory_of_one(system) result(text)
+  subroutine memory_of_one(system, text)
     type(dem_system_type), intent(inout) :: system
-    character(len=:), allocatable :: text
+    character(len=:), allocatable, intent(out) :: text
     type(unwritten_archive_type) :: archive
     type(error_list_type) :: ignored  ! the run will tell
     integer(i8) :: now
@@ -84,7 +84,7 @@ contains
     if (memory_free() <= memory_resident()) return
     call system%export_state(archive)
     text = text//'; '//short_number(memory_most()/mebibyte)//' MiB with a checkpoint'
-  end function memory_of_one
+  end subroutine memory_of_one
 
   subroutine no_reals(self, name, values)
     class(unwritten_archive_type), intent(inout) :: self
@@ -98,18 +98,17 @@ contains
     integer(i8), intent(in), contiguous :: values(:, :)
   end subroutine no_integers
 
-  !> Most of the first rank and of the others, and the grains and mirrors that they hold.
-  function memory_of_ranks(system, gathers) result(text)
+  !> Most of each rank [MiB]; in words with the grains and mirrors that they hold.
+  subroutine memory_of_ranks(system, gathers, foretold)
     type(dem_system_type), intent(inout) :: system
     logical, intent(in) :: gathers  !! the whole from time to time
-    character(len=:), allocatable :: text
+    type(foretold_type), intent(inout) :: foretold
     real(wp), allocatable :: rows(:, :)
     call system%rank_team%try_out(system%dem_data_type, gathers, rows)
-    text = 'memory of '//str(size(rows, 2))//' ranks at most: the first '// &
-           short_number(rows(1, 1)/mebibyte)//' MiB, the others '// &
-           span(rows(1, 2:)/mebibyte)//' MiB'//new_line('a')// &
-           holdings(rows(2, :), rows(3, :), rows(4, :))
-  end function memory_of_ranks
+    foretold%most = rows(1, :)/mebibyte
+    foretold%text = text_of_ranks(foretold%most)//new_line('a')// &
+      holdings(rows(2, :), rows(3, :), rows(4, :))
+  end subroutine memory_of_ranks
 
   !> The same as predicted for other numbers of ranks.
   function estimated(model) result(text)
@@ -133,12 +132,4 @@ contains
     text = 'a rank holds '//span(own)//' free grains, '//span(mirrors)// &
            ' mirrors of others, '//span(pairs)//' candidate pairs'
   end function holdings
-
-  !> Least and most.
-  function span(values) result(text)
-    real(wp), intent(in) :: values(:)
-    character(len=:), allocatable :: text
-    text = short_number(minval(values))
-    if (maxval(values) > minval(values)) text = text//' to '//short_number(maxval(values))
-  end function span
 end module dem_memory

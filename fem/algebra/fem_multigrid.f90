@@ -20,6 +20,9 @@ module fem_multigrid
   integer(i4), parameter :: batch = 2**20          !! entries handed over at once
   real(wp), parameter :: drift = 10.0_wp           !! of the true residual, over that of a method
   integer(i4), parameter :: gradients = 1, least_residuals = 0
+  !> Memory [byte]: of each entry of the matrix in all levels, of what does not grow with it, and of
+  !! each unknown in the vectors of least residuals. Measured (manual, Ranks).
+  real(wp), parameter :: each_entry = 26.0_wp, at_least = 8.0e6_wp, each_vector = 800.0_wp
 
   type :: multigrid_type
     logical :: ready = .false.
@@ -38,6 +41,7 @@ module fem_multigrid
     procedure :: number
     procedure :: prepare
     procedure :: solve
+    procedure, nopass :: foretold
     procedure :: drop
   end type multigrid_type
 
@@ -263,6 +267,14 @@ contains
       end do
     end do
   end function functions
+
+  !> Memory that the levels of a matrix and the vectors of a solution will take on this rank [byte].
+  pure real(wp) function foretold(pattern, symmetric)
+    type(fem_pattern_type), intent(in) :: pattern
+    logical, intent(in) :: symmetric
+    foretold = at_least + each_entry*9.0_wp*(2.0_wp*size(pattern%column) - pattern%nodes)
+    if (.not. symmetric) foretold = foretold + 3.0_wp*each_vector*pattern%nodes
+  end function foretold
 
   !> x(3, blocks) for a right-hand side; zero where nothing is free. `found` if the residual fell
   !! to the tolerance, and the true one about so, or to its rounding. The right-hand side is scaled

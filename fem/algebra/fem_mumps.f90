@@ -50,6 +50,7 @@ module fem_mumps
     procedure :: analyse
     procedure :: factor
     procedure :: solve
+    procedure :: foretold
     procedure :: free
   end type mumps_type
 
@@ -225,6 +226,18 @@ contains
     self%entries = self%id%infog(9)
     if (self%entries < 0) self%entries = -self%entries*1000000_i8
   end subroutine factor_here
+
+  !> Memory that the factors and the work on them will take on this rank [byte], once analysed:
+  !! MUMPS' estimate (INFO(15), on disk INFO(17)) without the extra space, of which nothing is
+  !! touched as a rule; 0 on ranks that do not factor.
+  real(wp) function foretold(self)
+    class(mumps_type), intent(inout) :: self
+    foretold = 0.0_wp
+    if (.not. (self%analysed .and. allocated(self%id))) return
+    call choose_storage(self)
+    foretold = mega*real(self%id%info(merge(17, 15, self%on_disk)), wp) &
+      /(1.0_wp + real(extra_space, wp)/100.0_wp)
+  end function foretold
 
   !> On disk if the deck requires it, or if it leaves the choice and memory is short.
   subroutine choose_storage(self)

@@ -36,6 +36,7 @@ module fem_solver
     procedure :: factor
     procedure :: solve
     procedure :: turn_to_factors
+    procedure :: foretold
     procedure :: drop
   end type fem_solver_type
 
@@ -327,6 +328,23 @@ contains
     self%by_multigrid = .false.
     call self%drop()
   end subroutine turn_to_factors
+
+  !> Memory that factors, levels or incomplete factors will take on this rank beside what it has
+  !! now, with the values that go into them [byte]; what is free must have been numbered.
+  real(wp) function foretold(self, pattern)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp), parameter :: block = 72.0_wp, index = 4.0_wp, value = 8.0_wp
+    foretold = block*size(pattern%column)  ! a copy of the matrix, or its lower triangle
+    if (self%by_multigrid) then
+      foretold = foretold + self%multigrid%foretold(pattern, .not. self%mumps%general)
+    else if (self%iterative) then
+      foretold = foretold + (block + index)*size(pattern%column)
+    else
+      foretold = foretold + self%mumps%foretold()
+      if (allocated(self%value)) foretold = foretold + 2.0_wp*value*size(self%value)
+    end if
+  end function foretold
 
   !> Release factors and levels.
   subroutine drop(self)

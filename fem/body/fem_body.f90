@@ -28,6 +28,7 @@ module fem_body
     procedure :: limit_step
     procedure :: factor
     procedure :: number
+    procedure :: number_free
     procedure :: safe_step
     procedure :: hold_pressures
     procedure :: begin_liquid
@@ -202,13 +203,21 @@ contains
     if (.not. self%scheme%dynamic) &
       call check_supports(self%mesh, self%dofs, self%system%pattern, fixed, &
         self%supports%ground, errors)
-    if (errors%any()) return
+    if (.not. errors%any()) call self%number_free(errors)
+  end subroutine number
+
+  !> The same, held or not.
+  subroutine number_free(self, errors)
+    class(fem_body_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    logical :: fixed(3, self%dofs%blocks)
+    fixed = self%supports%held .or. self%port%prescribed
     self%system%solver%mumps%general = self%matter%active .and. .not. self%matter%symmetric
     self%system%solver%mumps%indefinite = self%matter%active
     self%system%solver%mumps%pivoting = self%pore%active
     call self%system%solver%number(self%dofs, self%system%pattern, fixed, errors)
     if (.not. errors%any()) self%system%fresh_numbering = .true.
-  end subroutine number
+  end subroutine number_free
 
   !> Largest explicit steps in use: those of laws with a state have a margin for stiffening
   !! until the next update of the largest stable one [s].

@@ -1,13 +1,19 @@
-!> Faults of a solver's --check --json, as talus_report writes them, are read unchanged.
+!> Faults and memory in a solver's --check --json, as talus_report writes them, are read unchanged.
 program test_cpl_check
+  use talus_kinds, only: wp, i4
   use talus_errors, only: error_list_type
+  use talus_memory_text, only: foretold_type
   use talus_report, only: faults_json
   use talus_test, only: test_type
-  use cpl_check, only: take_analysis, take_faults
+  use cpl_check, only: take_analysis, take_faults, take_memory
+  use cpl_memory, only: coupling_memory
   implicit none
 
   type(test_type) :: test
   type(error_list_type) :: told, heard
+  type(foretold_type) :: foretold
+  real(wp), allocatable :: memory(:)
+  integer(i4) :: entities
   character(len=:), allocatable :: analysis
   character(len=1), parameter :: nl = new_line('a')
 
@@ -32,5 +38,19 @@ program test_cpl_check
   call test%check_text('analysis of a solid', analysis, 'explicit')
   call take_analysis(faults_json('talus-dem', 'grains.nml', told), analysis)
   call test%check('grains have none', .not. allocated(analysis))
+  call take_memory(faults_json('talus-dem', 'grains.nml', told), memory, entities)
+  call test%check('no memory', .not. allocated(memory) .and. entities == 0)
+  call take_memory('{"memory": [1.0, x], "entities": 3}', memory, entities)
+  call test%check('no numbers', .not. allocated(memory))
+  foretold%most = [12.5_wp, 7.25_wp, 1.0e3_wp]
+  foretold%entities = 4711
+  call take_memory(faults_json('talus-dem', 'grains.nml', told, foretold=foretold), memory, &
+                   entities)
+  call test%check('memory of three ranks', all(abs(memory - foretold%most) <= 0.0_wp))
+  call test%check('grains', entities == 4711)
+  call test%check('more in an overlap', coupling_memory(.true., 1000, 1000) > &
+                  coupling_memory(.false., 1000, 1000))
+  call test%check('more of more grains', coupling_memory(.false., 2000, 1000) > &
+                  coupling_memory(.false., 1000, 1000))
   call test%finish()
 end program test_cpl_check
