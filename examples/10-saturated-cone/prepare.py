@@ -116,8 +116,9 @@ def write_pushes(name: str) -> None:
     }
     for kind in KINDS:
         wet = "" if kind == "dry" else liquid(kind, name)
-        total = "" if kind == "dry" else ", total = .true."
-        groups = {"TITLE": f"{name}, {kind}", "TOTAL": total, "LIQUID": wet}
+        drained = kind in ("dry", "v0.01")  # the lid is held against the stiffness of the grains
+        groups = {"TITLE": f"{name}, {kind}", "LIQUID": wet, "GAIN": "0.3" if drained else "0.1",
+                  "TOTAL": "" if drained else ", total = .true."}  # fmt: skip
         fill("push", f"{name}_{kind}", groups | walls_of(name) | words)
     porosity, permeability = pores(name)
     constants = {"porosity": porosity, "permeability_m2": permeability, "modulus_Pa": stiffness(name)}
