@@ -335,7 +335,8 @@ contains
     class(fem_solver_type), intent(inout) :: self
     type(fem_pattern_type), intent(in) :: pattern
     real(wp), parameter :: block = 72.0_wp, index = 4.0_wp, value = 8.0_wp
-    foretold = block*size(pattern%column)  ! a copy of the matrix, or its lower triangle
+    foretold = 0.0_wp
+    if (self%mumps%general) foretold = block*size(pattern%column)  ! the lower triangle
     if (self%by_multigrid) then
       foretold = foretold + self%multigrid%foretold(pattern, .not. self%mumps%general)
     else if (self%iterative) then

@@ -40,19 +40,23 @@ contains
   real(wp) function memory_of_rank(model)
     type(fem_model_type), intent(inout) :: model
     type(error_list_type) :: ignored  ! the run will report them
-    real(wp) :: solving, fields
-    solving = 0.0_wp
+    real(wp), parameter :: block = 72.0_wp
+    real(wp) :: lasting, passing, fields  ! beside what there is now
+    lasting = 0.0_wp
+    passing = 0.0_wp
     associate (body => model%body, system => model%body%system)
       if (.not. body%scheme%explicit .and. system%factored_dt < 0.0_wp) then
         call choose_solver(model%deck, body, model%analysis, model%served, model%auto_solver)
         if (.not. (system%fresh_numbering .or. system%solver%mumps%analysed)) &
           call body%number_free(ignored)
-        solving = system%solver%foretold(system%pattern)
+        lasting = system%solver%foretold(system%pattern)
+        if (.not. body%matter%active) passing = block*size(system%pattern%column)  ! a copy of K
       end if
-      fields = in_step + merge(at_port, 0.0_wp, model%served) &
-        + merge(for_output, 0.0_wp, model%deck%count('output') > 0)
+      if (model%served) lasting = lasting + at_port*body%dofs%blocks
+      fields = in_step + merge(for_output, 0.0_wp, model%deck%count('output') > 0)
       fields = fields*body%dofs%blocks
     end associate
-    memory_of_rank = max(real(memory_most(), wp), memory_resident() + solving + fields)
+    memory_of_rank = max(real(memory_most(), wp), memory_resident() + lasting &
+      + max(passing, fields))
   end function memory_of_rank
 end module fem_memory

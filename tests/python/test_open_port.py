@@ -14,6 +14,7 @@ from talus.cli import main
 from talus.faults import FaultError
 from talus.mesh import box, write_mesh
 from talus.port import Message
+from talus.port import place as own_place
 from talus.port_names import PROTOCOL, VERBS
 from talus.port_shm import SharedEnd, checksum, find_library, is_whole
 from talus.port_test import Options
@@ -120,6 +121,38 @@ def test_the_port_of_another_run(tmp_path: Path) -> None:
                 SharedEnd(f"attach:{tmp_path / 'meet'}")
             Path(f"/dev/shm/{name}").unlink()
         asker.close()
+
+
+@pytest.mark.parametrize("transport", ["shm", "hdf5"])
+@pytest.mark.parametrize("side", ["grains", "solid"])
+def test_a_rendezvous_of_a_former_run(side: str, transport: str, tmp_path: Path) -> None:
+    """Our solvers leave with P027 where the file names another run, and the port stays as it is."""
+    program = {"grains": "talus-dem", "solid": "talus-fem"}[side]
+    (tmp_path / "deck.nml").write_text(GRAINS if side == "grains" else SOLID.format(kind="static"))
+    x = np.array([[0.0, 0.0, 0.0], [2.0, 0.0, 0.0], [4.0, 0.0, 0.0]])
+    write_packing(tmp_path / "pack.h5", 1.0e-3 * x, np.full((3, 3), 1.0e-3))
+    write_mesh(tmp_path / "cube.h5", box(np.zeros(3), np.ones(3), (1, 1, 1)))
+    name, asker = f"talus-{os.getpid()}-former-{side}", None
+    if transport == "shm":
+        asker = SharedEnd.offer(f"shm:/{name}", "this-run")
+        spec, port = f"shm:/{name}", Path(f"/dev/shm/{name}")
+    else:
+        spec, port = f"hdf5:{tmp_path}/{side}", tmp_path / f"{side}.port"
+        port.write_text(f"talus-port 1\nthis-run\n{own_place()}\n{os.getpid()}\nfalse\n")
+    (tmp_path / "meet").write_text(f"{spec}\nhost\n{own_place()}\nformer-run\n")
+    run = subprocess.run(
+        [str(find_program(program)), "deck.nml", f"--port=attach:{tmp_path / 'meet'}"],
+        cwd=tmp_path, capture_output=True, text=True, timeout=60.0,
+    )  # fmt: skip
+    there = port.exists()
+    if asker is not None:
+        asker.close()
+    assert run.returncode == 4, run.stderr
+    assert run.stderr.count("error P027") == run.stderr.count("error ") == 1
+    assert "former-run" in run.stderr
+    assert there
+    assert not list(tmp_path.glob("*.joined"))
+    assert not list(tmp_path.glob("deck_*"))
 
 
 def build_in_fortran(source: Path, binary: Path) -> str:
@@ -267,7 +300,7 @@ import numpy as np
 from elastic_block import Block
 from talus import port
 from talus.faults import FaultError
-from talus.port import Message, port_of
+from talus.port import Message, place, port_of
 
 class Faulty(Block):
     def ready(self, request):
