@@ -169,7 +169,11 @@ def try_mutant(tree: Path, mutant: Mutant) -> dict[str, str]:
 
 
 def write_report(rows: list[dict[str, str]], path: Path) -> None:
-    """Write one line a fault."""
+    """Write one line a fault; bytes that print nothing, as in texts cut by a fault, become `?`."""
+    rows = [
+        {key: "".join(c if c.isprintable() else "?" for c in text) for key, text in row.items()}
+        for row in rows
+    ]
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.DictWriter(file, list(rows[0]))
         writer.writeheader()

@@ -87,6 +87,27 @@ def test_every_page_has_a_place() -> None:
     assert written <= set(listed)
 
 
+LAST = ["What can go wrong", "Not supported", "Keys and equations", "Cases", "Related pages"]
+
+
+@pytest.mark.parametrize("name", manual_page.PARTS["Use"])
+def test_order_of_a_page(name: str) -> None:
+    """A page says what it is for, shows a figure and a deck, and ends as all others do."""
+    text = (ROOT / "manual" / f"{name}.md").read_text()
+    first = re.match(r"# [^\n]+\n\n(.*?)\n\n!\[[^]]+\]\(([^)]+\.png)\)\n", text, flags=re.S)
+    assert first and not first[1].startswith(("#", "```", "|", "*")) and "\n\n" not in first[1]
+    assert (ROOT / "manual" / first[2]).stat().st_size < 150_000
+    assert text.index("\n```") >= first.end()
+    headings = re.findall(r"^## (.+)$", text, flags=re.M)
+    last = [heading for heading in LAST if heading in headings]
+    assert headings[-len(last) :] == last and set(LAST) - set(last) <= {"Not supported"}
+    cases = re.search(r"\n## Cases\n\n(.*?)\n\n## ", text, flags=re.S)[1]
+    named = re.findall(r"verification\.md#case-(\w+)", cases)
+    assert all(list((ROOT / "verification").glob(f"*/{case}/case.toml")) for case in named)
+    assert named or "tests/python/" in cases
+    assert re.search(r"deck-(dem|fem|couple)\.md", text) or name == "view"
+
+
 @pytest.fixture(scope="module")
 def whole(tmp_path_factory: pytest.TempPathFactory) -> subprocess.CompletedProcess:
     """Build the real manual, without results of verification."""
