@@ -19,6 +19,7 @@ from prepare import CONE, KINDS, MAKING, SPEEDS, START, WAYS  # noqa: E402
 from talus.verification import read_history  # noqa: E402
 
 AREA = 0.25 * np.pi * CONE**2
+SCATTER = 0.15  # of single resistances
 BANDS = {"dense": (0.5, 1.0), "loose": (1.0, 1.5)}  # depths of the mean [diameters of the cone]
 
 
@@ -69,12 +70,14 @@ def table(found: dict[str, tuple[float, float]]) -> list[str]:
 
 
 def drained(found: dict[str, tuple[float, float]], name: str) -> float | None:
-    """Return how far a run is from the sealed one to the dry one."""
+    """Return how far a run is from the sealed one to the dry one, where these differ."""
     specimen = name.rsplit("_", 1)[0]
     ends = [f"{specimen}_{kind}" for kind in ("sealed", "dry")]
     if any(end not in found for end in ends):
         return None
     undrained, dry = (sum(found[end]) for end in ends)
+    if abs(dry - undrained) < SCATTER * dry:
+        return None
     return (sum(found[name]) - undrained) / (dry - undrained)
 
 
