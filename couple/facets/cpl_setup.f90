@@ -16,6 +16,7 @@ module cpl_setup
   use cpl_start, only: put_reference
   use cpl_shapes, only: corner_count, node_count
   use cpl_solid_mesh, only: solid_mesh_type
+  use cpl_order, only: sort_order
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
   implicit none
   private
@@ -36,6 +37,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: all_ids(:)
     real(wp), allocatable :: all_x(:, :)
+    integer(i4), allocatable :: row(:)
     integer(i4) :: k
 
     call grains%describe(what_group, group, timers, errors)
@@ -46,11 +48,15 @@ contains
     call grains%reply%take_int(field_id, all_ids, errors)
     call grains%reply%take(field_x, all_x, errors)
     if (errors%any()) return
-    allocate (x(3, size(ids)))
-    do k = 1, size(ids)
-      call position_of(ids(k), all_ids, all_x, x(:, k), errors)
-      if (errors%any()) return
-    end do
+    allocate (row(size(ids)))
+    call places_of(ids, all_ids, row)
+    k = int(findloc(row, 0, 1), i4)
+    if (k == 0) then
+      x = all_x(:, row)
+      return
+    end if
+    call errors%add('I403', 'the group of the ghosts names grain '//str(ids(k))// &
+                    ', which the packing does not hold', '', 'make the packing again')
   end subroutine find_ghosts
 
   !> Corner nodes of the facets of a surface, as if they were ghosts: ids and places.
@@ -102,21 +108,28 @@ contains
     triangle = triangle(:, :n)
   end subroutine cut_facets
 
-  subroutine position_of(id, all_ids, all_x, x, errors)
-    integer(i8), intent(in) :: id, all_ids(:)
-    real(wp), intent(in) :: all_x(:, :)
-    real(wp), intent(out) :: x(3)
-    type(error_list_type), intent(inout) :: errors
-    integer :: at
-    x = 0.0_wp
-    at = findloc(all_ids, id, 1)
-    if (at > 0) then
-      x = all_x(:, at)
-    else
-      call errors%add('I403', 'the group of the ghosts names grain '//str(id)// &
-                      ', which the packing does not hold', '', 'make the packing again')
-    end if
-  end subroutine position_of
+  !> Places of ids among all, 0 where one is not there: n log n.
+  pure subroutine places_of(ids, all_ids, row)
+    integer(i8), intent(in) :: ids(:), all_ids(:)
+    integer(i4), intent(out) :: row(:)
+    integer(i4) :: order(size(all_ids)), g, low, high, middle
+    call sort_order(real(all_ids, wp), order)
+    do g = 1, size(ids)
+      low = 1
+      high = size(order)
+      do while (low < high)
+        middle = (low + high)/2
+        if (all_ids(order(middle)) < ids(g)) then
+          low = middle + 1
+        else
+          high = middle
+        end if
+      end do
+      row(g) = 0
+      if (high == 0) cycle
+      if (all_ids(order(low)) == ids(g)) row(g) = order(low)
+    end do
+  end subroutine places_of
 
   !> Facets and mesh of the solid; the operator N and its identities.
   subroutine make_map(face, solid, choices, ids, x_ghost, identity, timers, errors)
@@ -182,7 +195,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: all_ids(:)
     real(wp), allocatable :: radius(:), quat(:, :)
-    integer(i4) :: row(face%map%ghosts), g
+    integer(i4) :: row(face%map%ghosts)
 
     call grains%describe(what_grains, '', timers, errors)
     if (errors%any()) return
@@ -190,9 +203,7 @@ contains
     call grains%reply%take(field_radius, radius, errors)
     call grains%reply%take(field_quat, quat, errors)
     if (errors%any()) return
-    do g = 1, face%map%ghosts
-      row(g) = findloc(all_ids, face%map%ghost_id(g), 1)
-    end do
+    call places_of(face%map%ghost_id, all_ids, row)
     face%place%radius = radius(row)
     call face%orient(quat(:, row))
     face%relax%arm = sum(face%place%radius)/face%map%ghosts

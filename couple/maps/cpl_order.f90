@@ -8,7 +8,7 @@ module cpl_order
 contains
 
   !> Order of rising keys, equal ones as they came (merge sort).
-  subroutine sort_order(key, order)
+  pure subroutine sort_order(key, order)
     real(wp), intent(in) :: key(:)
     integer(i4), intent(out) :: order(:)
     integer(i4) :: merged(size(key)), width, low, middle, high, k, n

@@ -102,13 +102,12 @@ contains
     type(facet_map_type), intent(in) :: map
     type(solid_mesh_type), intent(in) :: mesh
     real(wp), intent(in) :: spread  !! [m]
-    integer(i4), allocatable :: list(:)
-    real(wp), allocatable :: weight(:)
+    integer(i4), allocatable :: list(:), node(:)
+    real(wp), allocatable :: weight(:), share(:)
     integer(i4) :: g, n
 
     self%first = [(1_i4, g=0, map%ghosts)]
-    self%node = [integer(i4) ::]
-    self%weight = [real(wp) ::]
+    allocate (node(size(mesh%facets, 1)*map%ghosts), share(size(mesh%facets, 1)*map%ghosts))
     self%arm = map%offset
     do g = 1, map%ghosts
       if (spread > 0.0_wp) then
@@ -123,10 +122,24 @@ contains
       end if
       n = size(list)
       self%first(g + 1) = self%first(g) + n
-      self%node = [self%node, list]
-      self%weight = [self%weight, weight]
+      n = self%first(g + 1) - 1
+      if (n > size(node)) then  ! twice as long, so that many ghosts cost no more than their number
+        node = [node, so_many_zeros(n)]
+        share = [share, real(so_many_zeros(n), wp)]
+      end if
+      node(self%first(g):n) = list
+      share(self%first(g):n) = weight
     end do
+    self%node = node(:n)
+    self%weight = share(:n)
   end subroutine weigh
+
+  !> Zeros to be filled.
+  pure function so_many_zeros(n) result(zeros)
+    integer(i4), intent(in) :: n
+    integer(i4) :: zeros(n)
+    zeros = 0
+  end function so_many_zeros
 
   !> Micro-rotations under each ghost, at its place: of all nodes of its facet, or of the corners
   !! alone with their own functions, as in pairs of mixed order.
