@@ -139,6 +139,7 @@ contains
     type(dem_data_type), intent(inout) :: d
     associate (c => d%clumps, n => packed%n)
       c%n = n
+      allocate (c%grains, c%pairs)
       c%grains%n = n
       call allocate_grains(c%grains, .false.)
       allocate (c%first(n), c%last(n), source=0_i4)

@@ -266,8 +266,10 @@ module dem_state
   !! with the mass of the clump; those of a clump follow each other.
   type :: dem_clumps_type
     integer(i4) :: n = 0
-    type(dem_grains_type) :: grains            !! centres of mass, principal frames, mass, motion
-    type(dem_pairs_type) :: pairs              !! records of these, nothing else
+    class(dem_grains_type), allocatable :: grains  !! centres of mass, principal frames, mass,
+                                               !! motion; class for the sake of compilation, which
+                                               !! else writes out copies of types within types
+    class(dem_pairs_type), allocatable :: pairs  !! records of these, nothing else
     integer(i4), allocatable :: first(:)       !! (clumps) first member, index of a grain
     integer(i4), allocatable :: last(:)        !! (clumps) last member
     real(wp), allocatable :: place(:, :)       !! (3, grains) of members from the centre of mass, in

@@ -28,6 +28,7 @@ contains
     grains%n = members
     call allocate_grains(grains, .false.)
     clumps%n = 1
+    allocate (clumps%grains, clumps%pairs)
     clumps%grains%n = 1
     call allocate_grains(clumps%grains, .false.)
     clumps%first = [1_i4]
