@@ -28,7 +28,7 @@ KINDS = ["dry", "sealed", *SPEEDS]
 DRAINS = "".join(f"&drain     side = '{side}', pressure = 0.0 /\n" for side in ("x0", "x1", "y0", "y1"))
 LIQUID = """
 &fluid     id = 'water', density = 1000.0, viscosity = 1.0e-3, bulk_modulus = 2.2e8 /
-&pore_grid fluid = 'water', lower = 0.0, 0.0, 0.0, upper = EAST, NORTH, TOP, bricks = 4, 4, 4, surface = 'closed',
+&pore_grid fluid = 'water', lower = 0.0, 0.0, 0.0, upper = @east@, @north@, @top@, bricks = 4, 4, 4, surface = 'closed',
            exchange = 2, fluctuation = .false., cavitation = 1.0e9, permeability_factor = FACTOR /
 """
 
@@ -37,7 +37,7 @@ def fill(part: str, name: str, words: dict[str, str]) -> None:
     """Write a deck with its words filled in."""
     text = (FIELDS / f"{part}.nml").read_text()
     for word, value in words.items():
-        text = text.replace(word, value)
+        text = text.replace(f"@{word.lower()}@", value)
     Path(f"{name}.nml").write_text(text)
 
 

@@ -33,7 +33,7 @@ def fill(part: str, name: str, words: dict[str, object]) -> None:
     text = (Path(__file__).parent / f"{part}.nml").read_text()
     shared = {"OUTPUT": repr(OUTPUT), "HISTORY": repr(HISTORY), "T_END": repr(T_END)}
     for word, value in (words | shared).items():
-        text = text.replace(word, str(value))
+        text = text.replace(f"@{word.lower()}@", str(value))
     Path(f"{name}.nml").write_text(text)
 
 

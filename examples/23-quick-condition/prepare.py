@@ -44,7 +44,7 @@ def write_deck() -> None:
     top = float((bed.x[below, 2] + bed.axes[below, 2]).max())
     write_block(np.array([*(centre - 0.5 * BLOCK[:2]), top + 2.0e-5]))
     text = (Path(__file__).parent / "quick.nml").read_text()
-    Path("quick.nml").write_text(text.replace("CRITICAL", f"{buoyant_weight():.6g}"))
+    Path("quick.nml").write_text(text.replace("@critical@", f"{buoyant_weight():.6g}"))
 
 
 def write_cloud() -> None:

@@ -18,7 +18,9 @@ DECKS = [p for p in sorted((ROOT / "examples").rglob("*.nml")) if "&run" in p.re
 #: what the scripts of the examples put into their decks before they run them
 FILLED = {
     "HEIGHT": "0.03", "CENTRE": "0.0, 0.0, 0.1", "@start@": "command = 'solver'",
-    "@deck@": "solid.nml", "@SEED@": "1", "@taus@": ", ".join(11 * ["0.0"]),
+    "@ends@": "", "@liquid@": "", "@run@": "", "@step@": "", "@total@": "", "@bricks@": "9",
+    "@tip@": "0.0, 0.0, 0.1", "@deck@": "solid.nml", "@SEED@": "1",
+    "@taus@": ", ".join(11 * ["0.0"]),
 }  # fmt: skip
 NUMBER = "0.3"  # stands for every other @word@
 TYPES = {"object": dict, "array": list, "string": str, "boolean": bool, "integer": int,
