@@ -22,7 +22,7 @@ from talus.verification import field_steps, read_history
 
 STRESS, EDGE = 100.0e3, 0.02
 SPHERES = ["--count", "200", "--axes", "1e-3", "1e-3", "1e-3", "--spread", "0.2"]
-ELLIPSOIDS = ["--count", "200", "--axes", "2.5e-3", "2e-3", "1.5e-3", "--seed", "2"]
+ELLIPSOIDS = ["--count", "300", "--axes", "2.5e-3", "2e-3", "1.5e-3", "--seed", "2"]
 COMMON = ["--stress", "100e3", "--young", "2.9e9", "--making-friction", "0.3", "--edge", str(EDGE),
           "--least-edges", "5"]  # fmt: skip
 DECK = """&run       title = 'Tile at rest', t_end = {t_end} /
