@@ -102,7 +102,7 @@ contains
     type(stress_type), intent(in) :: points
     integer(i4), intent(in) :: elements
     real(wp), parameter :: little = 0.01_wp
-    real(wp) :: ratio(elements), mean(6, elements), volume(elements), pressure(elements)
+    real(wp) :: ratio(elements), mean(6, elements), volume(elements), pressure(elements), least
     integer(i4) :: k, e
     mean = 0.0_wp
     volume = 0.0_wp
@@ -118,8 +118,9 @@ contains
     ratio = 0.0_wp
     pressure = 0.0_wp
     where (volume > 0.0_wp) pressure = -sum(mean(:3, :), 1)/(3.0_wp*volume)
+    least = little*maxval(pressure)
     do e = 1, elements
-      if (.not. pressure(e) > little*maxval(pressure)) cycle
+      if (.not. pressure(e) > least) cycle
       mean(:, e) = mean(:, e)/volume(e)
       mean(:3, e) = mean(:3, e) + pressure(e)
       ratio(e) = sqrt(1.5_wp*(sum(mean(:3, e)**2) + 2.0_wp*sum(mean(4:, e)**2)))/pressure(e)
