@@ -14,6 +14,7 @@ module cpl_adaptive_scale
   use talus_hdf5, only: h5_file_type
   use talus_history, only: history_type
   use talus_log, only: log_type, short_number
+  use talus_timers, only: timers_type
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_momentum
   use cpl_bed, only: bed_type, change_type, ask_places
   use cpl_bridging_scale, only: bridging_scale_type
@@ -98,6 +99,8 @@ contains
       if (errors%any()) return
       call self%roles%set_mesh(plain%cells, run%choices%t_end, run%deck%source%path, errors)
       call check_solid(self, plain%cells, run%solvers(side_solid), errors)
+      if (any(plain%cells%polar) .and. .not. (run%again .or. errors%any())) &
+        call check_stressless(run%solvers(side_solid), timers, errors)
       if (errors%any()) return
       self%bed%histories%active = self%roles%replay
       call self%bed%histories%begin(plain%cells)
@@ -146,6 +149,18 @@ contains
         'leave close_behind out of &adapt, or take a classical solid')
     end if
   end subroutine check_solid
+
+  !> D460: what a micropolar solid bears before the start is not held at conversions.
+  subroutine check_stressless(solid, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solid
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    type(stress_type) :: points
+    call read_stress(solid, points, timers, errors)
+    if (errors%any()) return
+    if (any(abs(points%stress) > 0.0_wp)) call errors%add('D460', 'the micropolar solid begins '// &
+      'with a stress', solid%deck, 'leave the initial stress out, or take a classical law')
+  end subroutine check_stressless
 
   !> Time that a plan looks ahead: two of its intervals [s].
   pure real(wp) function spell(self, run)
@@ -260,6 +275,7 @@ contains
     if (errors%any()) return
     call self%bed%histories%note(self%o%cells, carried%u, &
                                  carried%part == part_rest .or. carried%part == part_ghost)
+    if (.not. max(self%roles%open_strain, self%roles%open_ratio) > 0.0_wp) return
     ratio = 0.0_wp
     if (self%roles%open_ratio > 0.0_wp) then
       call read_stress(run%solvers(side_solid), points, run%timers, errors)
@@ -268,8 +284,10 @@ contains
     end if
     do e = 1, size(strained)
       if (carried%part(e) /= part_ghost .or. self%closing%shut(e)) cycle
-      strained(e) = is_over(self%roles%open_ratio, ratio(e)) .or. is_over( &
-        self%roles%open_strain, self%bed%histories%strain(self%o%cells, carried%u, e))
+      if (self%roles%open_strain > 0.0_wp) strained(e) = self%bed%histories%strain(self%o%cells, &
+        carried%u, e) > self%roles%open_strain
+      if (self%roles%open_ratio > 0.0_wp) strained(e) = strained(e) .or. &
+        ratio(e) > self%roles%open_ratio
       if (.not. strained(e)) cycle
       if (any(all(carried%held(:, self%o%cells%nodes_of(e)), 1))) then
         call errors%add('N460', 'element '//str(e)//', which the deck of the solid holds, is '// &
@@ -279,12 +297,6 @@ contains
       end if
     end do
   end subroutine note_strain
-
-  !> Is a limit given, and the value above it?
-  pure logical function is_over(limit, value)
-    real(wp), intent(in) :: limit, value
-    is_over = limit > 0.0_wp .and. value > limit
-  end function is_over
 
   !> Largest strain of an element of ghosts that has not closed before.
   pure real(wp) function front_strain(self, carried) result(largest)

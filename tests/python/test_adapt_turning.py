@@ -1,14 +1,13 @@
 """Elements of a micropolar solid that are opened before a body: at rest, turning, restarted."""
 
-import subprocess
 from pathlib import Path
 
 import numpy as np
 import pytest
 from opened_column import WIDE, D, fly, write
+from test_adapt import check_restarts, run
 
 from talus.packing import read_packing, write_h5
-from talus.programs import find_program
 from talus.verification import field_steps, read_history
 
 RATE = 20.0  # [rad/s]
@@ -16,18 +15,13 @@ LAW = (
     "law = 'micropolar', density = 1388.0, micro_inertia = 1.0e-7, lambda = 1.0e6, mu = 4.0e7, "
     "kappa = 2.0e7, alpha = 0.0, beta = 0.0, gamma = 10.0"
 )
+PLASTIC = "cohesion = 1.0e3, friction_deg = 30.0, dilation_deg = 5.0, plastic_length = 1.0e-3"
 MICROMORPHIC = (
     "density = 1388.0, micro_inertia = 1.0e-7, lambda = 3.2e7, mu = 4.0e7, eta = 8.0e7, "
     "tau = 1.0e7, kappa = 6.0e7, nu = 4.0e7, sigma = 2.0e7, "
     "taus = 0, 0, 0, 0, 0, 0, 2.0e3, 0, 0, 0, 0"
 )
 AXIS = np.array([0.5 * WIDE, 0.5 * WIDE, 0.0])
-
-
-def run(folder: Path, *words: str) -> subprocess.CompletedProcess:
-    """Run talus-couple."""
-    command = [str(find_program("talus-couple")), "coupled.nml", *words]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True)
 
 
 def write_polar(folder: Path, more: str = "") -> None:
@@ -99,26 +93,23 @@ def test_a_restart_has_the_same_bits(tmp_path: Path) -> None:
     """From checkpoints before and between conversions, as all turns."""
     write_polar(tmp_path, ", keep_behind = 4.0e-3, hold_behind = 1.0e-3")
     turn(tmp_path)
-    assert run(tmp_path).returncode == 0
-    names = ("coupled_audit.csv", "grains_energy.csv", "solid_energy.csv")
-    whole = {name: (tmp_path / name).read_bytes() for name in names if (tmp_path / name).exists()}
-    manifests = sorted(tmp_path.glob("coupled.[0-9]*.manifest"))
-    assert len(manifests) >= 3
-    for manifest in manifests[:3]:
-        done = run(tmp_path, f"--restart={manifest.name}")
-        assert done.returncode == 0, done.stdout
-        for name, content in whole.items():
-            assert (tmp_path / name).read_bytes() == content, (manifest.name, name)
+    check_restarts(tmp_path)
 
 
-@pytest.mark.parametrize("kind", ["closing", "micromorphic"])
+@pytest.mark.parametrize("kind", ["closing", "micromorphic", "stressed"])
 def test_refused(kind: str, tmp_path: Path) -> None:
-    """Elements of a micropolar solid do not close; micro-deformations are not transferred."""
+    """Micropolar elements neither close nor begin stressed; micro-deformations are not carried."""
     write_polar(tmp_path, ", close_behind = 4.0e-3" if kind == "closing" else "")
     if kind == "micromorphic":
         deck = tmp_path / "solid.nml"
         text = deck.read_text().replace("&material", "&micromorphic").replace(LAW, MICROMORPHIC)
         deck.write_text(text)
+    if kind == "stressed":
+        deck = tmp_path / "solid.nml"
+        text = deck.read_text().replace("'micropolar'", "'micropolar_drucker_prager'")
+        text = text.replace(LAW.split(",")[-1], f"{LAW.split(',')[-1]}, {PLASTIC}")
+        row = "value = -1.0e4, -1.0e4, -2.0e4, 0.0, 0.0, 0.0 /"
+        deck.write_text(text + f"&initial_stress group = 'all', {row}\n")
     done = run(tmp_path)
     assert done.returncode == 1
     assert "D460" in done.stdout + done.stderr, (done.stdout + done.stderr)[-1500:]
