@@ -23,7 +23,7 @@ program talus_dem
   implicit none
 
   type(options_type) :: options
-  type(dem_model_type), allocatable :: model
+  class(dem_model_type), allocatable :: model
   type(error_list_type) :: errors
   type(ranks_type) :: ranks
   integer(i4) :: exit_code

@@ -22,7 +22,7 @@ program talus_fem
   implicit none
 
   type(options_type) :: options
-  type(fem_model_type), allocatable :: model
+  class(fem_model_type), allocatable :: model
   type(ranks_type) :: ranks
   type(error_list_type) :: errors
   integer(i4) :: exit_code

@@ -411,7 +411,7 @@ contains
     type(cpl_run_type), intent(inout) :: run
     type(carried_type), intent(in) :: carried
     type(error_list_type), intent(inout) :: errors
-    type(overlap_type), allocatable :: fresh
+    class(overlap_type), allocatable :: fresh
     real(wp), allocatable :: none(:, :)
 
     allocate (fresh)
@@ -422,8 +422,7 @@ contains
     if (any(self%o%cells%polar)) fresh%map%base_phi = carried%phi
     call make_overlap(fresh, run%solvers, run%choices, run%dynamic, none, run%timers, errors)
     if (errors%any()) return
-    self%o = fresh
-    deallocate (fresh)
+    call move_alloc(fresh, self%o)
     call self%share(run, errors)
     if (.not. errors%any()) call begin_overlap(self%o, run%solvers, run%choices, .false., &
                                                run%timers, errors, carried)

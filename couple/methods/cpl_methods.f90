@@ -5,6 +5,7 @@ module cpl_methods
   use cpl_bridging_scale, only: bridging_scale_type
   use cpl_facet_method, only: facet_method_type
   use cpl_method, only: cpl_method_type
+  use cpl_overlap_method, only: overlap_method_type
   use cpl_penalty, only: penalty_type
   use cpl_static_overlap, only: static_overlap_type
   implicit none
@@ -25,6 +26,10 @@ contains
     case ('bridging_domain'); allocate (bridging_domain_type :: method)
     case ('penalty'); allocate (penalty_type :: method)
     case default; error stop 'bug: a coupling method without its line'
+    end select
+    select type (method)
+    class is (overlap_method_type)
+      allocate (method%o)
     end select
   end subroutine choose_method
 end module cpl_methods

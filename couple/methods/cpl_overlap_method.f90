@@ -30,7 +30,8 @@ module cpl_overlap_method
   public :: overlap_method_type
 
   type, abstract, extends(cpl_method_type) :: overlap_method_type
-    type(overlap_type) :: o
+    class(overlap_type), allocatable :: o  !! class for the sake of compilation, which else writes
+                                           !! out copies of types within types
   contains
     procedure :: make => make_whole
     procedure :: restore

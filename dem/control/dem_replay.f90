@@ -20,7 +20,7 @@ module dem_replay
   use dem_packing, only: dem_packing_type
   use dem_shape_make, only: make_shapes
   use dem_start_springs, only: start_springs_type
-  use dem_state, only: dem_data_type, kind_free
+  use dem_state, only: dem_data_type, copy_data, keep_data, kind_free
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_tile_contacts, only: tile_contacts_type, sort_contacts
   implicit none
@@ -37,7 +37,7 @@ module dem_replay
   !> The tile at the end of one history.
   type :: replay_type
     real(wp), allocatable :: knot(:, :, :)         !! (3, 3, knots) U [-]
-    type(dem_data_type), allocatable :: strained   !! at the last of them, before its rest
+    class(dem_data_type), allocatable :: strained  !! at the last of them, before its rest
     real(wp), allocatable :: offset(:, :)          !! (3, rows) w [m]
     real(wp), allocatable :: quat(:, :)            !! (4, rows)
     type(tile_contacts_type) :: contacts
@@ -89,7 +89,7 @@ contains
     integer(i4), intent(in) :: material          !! of the tile's grains
     real(wp), intent(in) :: knot(:, :, :)        !! (3, 3, knots)
     type(error_list_type), intent(inout) :: errors
-    type(dem_system_type), allocatable :: system
+    class(dem_system_type), allocatable :: system
     type(replay_type) :: replay
     real(wp) :: rate, fall
     integer(i4) :: k, from
@@ -105,7 +105,7 @@ contains
     k = self%longest_start(knot)
     if (k > 0) then
       from = size(self%kept(k)%knot, 3)
-      system%dem_data_type = self%kept(k)%strained
+      call copy_data(self%kept(k)%strained, system%dem_data_type)
       call system%begin_anew()
     end if
     do k = from + 1, size(knot, 3)
@@ -114,7 +114,7 @@ contains
     end do
     replay%knot = knot
     if (.not. errors%any()) then
-      replay%strained = system%dem_data_type
+      call keep_data(system%dem_data_type, replay%strained)
       call come_to_rest(self, system, replay, errors)
     end if
     if (errors%any() .or. replay%unbalanced > self%tolerance) then

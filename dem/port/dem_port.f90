@@ -34,7 +34,7 @@ module dem_port
 
   !> The grains and what the service remembers of them between requests.
   type, extends(server_type) :: dem_server_type
-    type(dem_model_type), allocatable :: model
+    class(dem_model_type), allocatable :: model
     type(dem_sets_type) :: sets
     type(dem_clock_type) :: kept            !! clock of the last accepted state
     integer(i8) :: late = 0                 !! late rebuilds reported so far
@@ -71,7 +71,7 @@ contains
 
   !> Serve a partner until STOP, ABORT or its end; exit_code is that of the program.
   subroutine serve(model, options, exit_code, errors)
-    type(dem_model_type), allocatable, intent(inout) :: model
+    class(dem_model_type), allocatable, intent(inout) :: model
     type(options_type), intent(in) :: options
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors

@@ -11,7 +11,7 @@ module dem_rank_team
   use talus_log, only: short_number
   use talus_ranks, only: ranks_type
   use talus_text, only: str
-  use dem_state, only: dem_data_type
+  use dem_state, only: dem_data_type, copy_data
   use dem_bonds_make, only: check_bonds
   use dem_contacts, only: dem_contacts_type, make_contacts, append_contacts
   use dem_gather, only: release_list, deliver, take_in, haul_type, deliver_driven
@@ -37,7 +37,7 @@ module dem_rank_team
 
   type :: dem_rank_team_type
     type(ranks_type) :: team
-    type(dem_data_type) :: part                !! grains of this rank's domain
+    class(dem_data_type), allocatable :: part  !! grains of this rank's domain
     type(step_memory_type) :: memory
     type(rank_marks_type) :: marks             !! report of the last steps
     logical :: started = .false.               !! all ranks have their parts
@@ -165,7 +165,7 @@ contains
     command = [how, int(omp_get_max_threads(), i4)]
     call self%team%await(command)
     halo = self%part%halo
-    self%part = whole
+    call copy_data(whole, self%part)
     self%part%halo = halo
     self%part%halo%team = self%team
     call begin_part(self%team, self%part, how == command_again)

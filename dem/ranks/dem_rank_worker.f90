@@ -28,7 +28,7 @@ module dem_rank_worker
   !> What a rank holds.
   type :: follower_type
     type(ranks_type) :: team
-    type(dem_data_type) :: part
+    class(dem_data_type), allocatable :: part
     type(step_memory_type) :: memory
     type(record_heap_type) :: records  !! of contacts of a checkpoint
   end type follower_type
@@ -39,12 +39,13 @@ contains
   subroutine serve_leader(team, exit_code)
     type(ranks_type), intent(in) :: team
     integer(i4), intent(out) :: exit_code
-    type(follower_type), allocatable :: self
+    class(follower_type), allocatable :: self
     integer(i4) :: command(2)
     logical :: done
 
     call install_signals(.false.)
     allocate (self)
+    allocate (self%part)
     self%team = team
     self%part%halo%team = team
     do

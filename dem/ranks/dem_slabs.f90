@@ -22,7 +22,8 @@ module dem_slabs
 
   !> Some grains, in the order of their ids.
   type :: dem_slab_type
-    type(dem_data_type) :: some  !! grains, and their kinetic energies at the last check of damping
+    class(dem_data_type), allocatable :: some  !! grains, and their kinetic energies at the last
+                                               !! check of damping
     integer(i4), allocatable :: coordination(:)    !! (grains) contacts of each
   end type dem_slab_type
 
@@ -125,6 +126,7 @@ contains
     type(dem_data_type), intent(in) :: part
     integer(i8), intent(in) :: ids(:)
     type(dem_slab_type), intent(out) :: slab
+    allocate (slab%some)
     associate (d => slab%some)
       d%grains%n = size(ids)
       call allocate_grains(d%grains, size(part%grains%work) > 0)

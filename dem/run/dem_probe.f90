@@ -24,7 +24,7 @@ module dem_probe
   use dem_equilibrium, only: mean_unbalanced
   use dem_cell_stress, only: cell_stress
   use dem_sample, only: fill_sample
-  use dem_state, only: dem_data_type
+  use dem_state, only: dem_data_type, copy_data, keep_data
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
   private
@@ -99,26 +99,25 @@ contains
     type(dem_system_type), intent(inout) :: system
     character(len=*), intent(in) :: place
     type(error_list_type), intent(inout) :: errors
-    type(dem_data_type), allocatable :: kept, still
+    class(dem_data_type), allocatable :: kept, still
     real(wp) :: sigma(3, 3, 2), stiffness(10)
     integer(i4) :: k, side
 
     call self%check_rest(system, place, errors)
     if (errors%any()) return
-    allocate (kept, still)
-    kept = system%dem_data_type
+    call keep_data(system%dem_data_type, kept)
     system%cell%rate = 0.0_wp
     system%par%damping = 0.0_wp
     system%par%full_damping = .false.
     call self%relax(system, 'before the probes', place, errors)
-    still = system%dem_data_type
+    call keep_data(system%dem_data_type, still)
     call cell_stress(still, self%sigma, stiffness)
     self%volume = cell_volume(still%cell)
     call self%put_affine(system, errors)
     do k = 1, 6
       do side = 1, merge(2, 1, self%both)
         if (errors%any()) exit
-        system%dem_data_type = still
+        call copy_data(still, system%dem_data_type)
         call system%begin_anew()
         call self%strain_by(system, k, merge(self%strain, -self%strain, side == 1), errors)
         call self%relax(system, "probe '"//six(k)//"'", place, errors)
@@ -131,7 +130,7 @@ contains
                            maxval(abs(sigma(:, :, 1) + sigma(:, :, 2) - 2.0_wp*self%sigma)) &
                            /max(maxval(abs(sigma(:, :, 1) - sigma(:, :, 2))), tiny(1.0_wp)))
     end do
-    system%dem_data_type = kept
+    call copy_data(kept, system%dem_data_type)
     call system%begin_anew()
     self%done = .not. errors%any()
   end subroutine run_probes

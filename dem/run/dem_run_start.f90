@@ -50,6 +50,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(key_table_type) :: table
 
+    allocate (self%system)
     self%options = options
     self%served = len(options%port) > 0
     self%restart_path = ''

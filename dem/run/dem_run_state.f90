@@ -43,7 +43,8 @@ module dem_run_state
     type(options_type) :: options
     type(ranks_type) :: ranks
     type(deck_type) :: deck
-    type(dem_system_type) :: system
+    class(dem_system_type), allocatable :: system  !! class, as all that is large, for the sake of
+                                                   !! compilation
     type(dem_packing_type) :: packing
     type(dem_choices_type) :: choices
     type(dem_clock_type) :: clock

@@ -18,6 +18,7 @@ module dem_state
   public :: dem_grains_type, dem_planes_type, dem_law_type, dem_material_type, dem_pairs_type
   public :: dem_parameters_type, dem_ledger_type, dem_health_type, dem_weights_type, dem_data_type
   public :: dem_cell_type, dem_parts_type, dem_pore_type, dem_clumps_type
+  public :: copy_data, keep_data
   public :: kind_free, kind_fixed, kind_driven, kind_ghost, kind_mirror, kind_member
   public :: mode_dynamic, mode_relaxation
   public :: lanes, body_size, history_size, result_size, column_count
@@ -329,4 +330,22 @@ module dem_state
                                                    !! dem_breakage_growth; only if they grow
     logical :: ready = .false.                     !! lists and forces exist
   end type dem_data_type
+
+contains
+
+  !> One state over another. What holds a state does so as `class, allocatable` and copies it here:
+  !! compilers write out what a copy of types within types takes wherever there is one.
+  subroutine copy_data(from, to)
+    type(dem_data_type), intent(in) :: from
+    type(dem_data_type), intent(inout) :: to
+    to = from
+  end subroutine copy_data
+
+  !> A state, kept.
+  subroutine keep_data(from, kept)
+    type(dem_data_type), intent(in) :: from
+    class(dem_data_type), allocatable, intent(inout) :: kept
+    if (.not. allocated(kept)) allocate (kept)
+    call copy_data(from, kept)
+  end subroutine keep_data
 end module dem_state

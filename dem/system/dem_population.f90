@@ -136,8 +136,9 @@ contains
     type(dem_grains_type), intent(in) :: entering
     logical, intent(in) :: shaped  !! some grain of the system is, or may come to be, no ellipsoid
     real(wp) :: rows(grain_reals(shaped), entering%n)
-    type(dem_data_type) :: others
+    class(dem_data_type), allocatable :: others
     integer(i4) :: i
+    allocate (others)
     others%grains = entering
     allocate (others%pairs%body(at_body(2) - at_body(1) + 1, entering%n))
     do i = 1, entering%n

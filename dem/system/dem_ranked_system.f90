@@ -15,7 +15,7 @@ module dem_ranked_system
 
   !> A system whose steps one process or many ranks take.
   type, extends(dem_data_type) :: dem_ranked_system_type
-    type(dem_rank_team_type), allocatable :: rank_team       !! of a run on many ranks
+    class(dem_rank_team_type), allocatable :: rank_team      !! of a run on many ranks
     real(wp), private :: limit = 0.0_wp            !! recent_limit [s]
     integer(i8), private :: limit_at = -1          !! evaluation of forces then
   contains
@@ -48,6 +48,7 @@ contains
     type(ranks_type), intent(in) :: team
     if (.not. team%several()) return
     allocate (self%rank_team)
+    allocate (self%rank_team%part)
     self%rank_team%team = team
   end subroutine use_ranks
 

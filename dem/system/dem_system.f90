@@ -8,8 +8,8 @@ module dem_system
   use talus_errors, only: error_list_type
   use dem_archive, only: dem_archive_type
   use dem_kinds, only: moved_by_forces
-  use dem_state, only: dem_data_type, dem_grains_type, dem_parts_type, dem_ledger_type, &
-    fed_size, drained_size
+  use dem_state, only: dem_data_type, copy_data, keep_data, dem_grains_type, dem_parts_type, &
+    dem_ledger_type, fed_size, drained_size
   use dem_bonds_make, only: make_bonds, check_bond_reach
   use dem_cell, only: is_periodic, least_width
   use dem_additional, only: plan_additional, check_reach
@@ -37,7 +37,7 @@ module dem_system
 
   !> The state of a system with its verbs; `kept` is the state that restore returns to.
   type, extends(dem_driven_system_type) :: dem_system_type
-    type(dem_data_type), allocatable :: kept
+    class(dem_data_type), allocatable :: kept
     type(start_springs_type) :: springs       !! that contacts begin with
     real(wp) :: coming_axis = 1.0_wp          !! least semi-axis of what enters an empty system [m]
     logical :: apart = .false.                !! whose first lists and forces each makes for itself
@@ -240,8 +240,7 @@ contains
   subroutine save(self)
     class(dem_system_type), intent(inout) :: self
     call self%gather()
-    if (.not. allocated(self%kept)) allocate (self%kept)
-    self%kept = self%dem_data_type
+    call keep_data(self%dem_data_type, self%kept)
   end subroutine save
 
   !> Keep no state: nothing will be rejected.
@@ -253,7 +252,7 @@ contains
   !> Return to the kept state; what was set through par stays kept too.
   subroutine restore(self)
     class(dem_system_type), intent(inout) :: self
-    if (allocated(self%kept)) self%dem_data_type = self%kept
+    if (allocated(self%kept)) call copy_data(self%kept, self%dem_data_type)
     call self%begin_anew()
   end subroutine restore
 

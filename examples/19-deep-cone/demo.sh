@@ -1,28 +1,55 @@
 #!/usr/bin/env bash
 # The shallow plan of this example: a cone goes 20 mm into sand, with all grains, with grains that wake amid a continuum,
 # and with the same grains in a rigid box. Part of `make demo`.
-# Usage: demo.sh OUT
+# Usage: demo.sh OUT [bed|coupled|whole|show]; without a word all of them
 source "$(dirname "$0")/../head.sh"
+usage="usage: demo.sh OUT [bed|coupled|whole|show]"
 export OMP_WAIT_POLICY=passive
-mkdir -p "${1:?usage: demo.sh OUT}"
+mkdir -p "${1:?$usage}"
 cd "$1"
-echo shallow > plan
 
 # $1 name, the rest its command: seconds go to cost.csv
 costed() { "$python" "$root/examples/08-moving-window/cost.py" "$@"; }
 
-say "sand: a periodic pack, a column of it at rest under gravity"
-"$talus" pack tile --count 850 --axes 2e-3 2e-3 2e-3 --spread 0.2 --seed 1 --stress 100 --young 1e7 \
-  --making-friction 0.15 --edge 0.036 -o tile.h5
-"$talus" pack column tile.h5 --height 0.07 -o column.h5
-say "element test of the sand, modulus of the surround"
-"$python" "$here/prepare.py" tests
-"$TALUS_BIN/talus-dem" test_1.nml --threads="$threads"
-"$python" "$here/prepare.py" beds
-say "coupled: grains wake around the cone, a continuum carries the rest"
-(cd wide_a && costed wide_a "$TALUS_BIN/talus-couple" coupled.nml && cat cost.csv >> ../cost.csv)
-say "the same grains in a rigid box"
-costed box_wide_a "$TALUS_BIN/talus-dem" box_wide_a.nml --threads="$threads"
-say "all grains"
-costed whole_a "$TALUS_BIN/talus-dem" whole_a.nml --threads="$threads"
-"$python" "$here/show.py"
+bed() {
+  echo shallow > plan
+  say "sand: a periodic pack, a column of it at rest under gravity"
+  "$talus" pack tile --count 850 --axes 2e-3 2e-3 2e-3 --spread 0.2 --seed 1 --stress 100 --young 1e7 \
+    --making-friction 0.15 --edge 0.036 -o tile.h5
+  "$talus" pack column tile.h5 --height 0.07 -o column.h5
+  say "element test of the sand, modulus of the surround"
+  "$python" "$here/prepare.py" tests
+  "$TALUS_BIN/talus-dem" test_1.nml --threads="$threads"
+  "$python" "$here/prepare.py" beds
+}
+
+coupled() {
+  say "coupled: grains wake around the cone, a continuum carries the rest"
+  (cd wide_a && costed wide_a "$TALUS_BIN/talus-couple" coupled.nml)
+  say "the same grains in a rigid box"
+  costed box_wide_a "$TALUS_BIN/talus-dem" box_wide_a.nml --threads="$threads"
+}
+
+whole() {
+  say "all grains"
+  costed whole_a "$TALUS_BIN/talus-dem" whole_a.nml --threads="$threads"
+}
+
+show() {
+  cat wide_a/cost.csv >>cost.csv
+  "$python" "$here/show.py"
+}
+
+case "${2:-all}" in
+  bed | coupled | whole | show) "$2" ;;
+  all)
+    bed
+    coupled
+    whole
+    show
+    ;;
+  *)
+    echo "$usage" >&2
+    exit 1
+    ;;
+esac

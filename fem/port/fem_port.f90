@@ -27,7 +27,7 @@ module fem_port
   type, extends(server_type) :: fem_server_type
     logical :: rehearsed = .false.            !! since the last READY that counts
     real(wp) :: true_time = 0.0_wp            !! s, of the state before the rehearsal
-    type(fem_model_type), allocatable :: model
+    class(fem_model_type), allocatable :: model
     type(fem_sets_type) :: sets
   contains
     procedure :: read => read_input
@@ -49,12 +49,13 @@ contains
 
   !> Serve a partner until STOP, ABORT or its end; exit_code is that of the program.
   subroutine serve(model, options, exit_code, errors)
-    type(fem_model_type), allocatable, intent(inout) :: model
+    class(fem_model_type), allocatable, intent(inout) :: model
     type(options_type), intent(in) :: options
     integer(i4), intent(out) :: exit_code
     type(error_list_type), intent(inout) :: errors
-    type(fem_server_type) :: server
+    class(fem_server_type), allocatable :: server
 
+    allocate (server)
     call move_alloc(model, server%model)
     server%team = server%model%ranks
     server%program = program_name

@@ -56,7 +56,7 @@ program test_dem_port
 contains
 
   subroutine be_served()
-    type(dem_model_type), allocatable :: model
+    class(dem_model_type), allocatable :: model
     type(error_list_type) :: faults
     integer(i4) :: exit_code
     allocate (model)

@@ -61,7 +61,7 @@ program test_fem_port
 contains
 
   subroutine be_served()
-    type(fem_model_type), allocatable :: model
+    class(fem_model_type), allocatable :: model
     type(error_list_type) :: faults
     integer(i4) :: exit_code
     allocate (model)
