@@ -7,9 +7,9 @@ module cpl_exchange
     verb_set, verb_kick_drift
   use talus_port_names, only: dot_a, dot_force, dot_impulse, dot_moment, dot_moment_impulse, &
     dot_phi, dot_phi_acceleration, dot_phi_rate, dot_quat, dot_u, dot_v, dot_work, dot_x, &
-    field_drift, field_iterations, field_kick, field_mass, field_node, field_node_phi, &
-    field_scalars, field_stiffness, field_stiffness_phi, field_substeps, field_trial, &
-    field_weight, field_weight_phi, field_what, what_springs
+    field_drift, field_final, field_iterations, field_kick, field_mass, field_node, &
+    field_node_phi, field_scalars, field_stiffness, field_stiffness_phi, field_substeps, &
+    field_trial, field_weight, field_weight_phi, field_what, what_springs
   use talus_timers, only: timers_type
   use cpl_choices, only: cpl_choices_type, scheme_average, scheme_iterated, scheme_state, &
     scheme_symmetric, interface_springs
@@ -83,7 +83,7 @@ contains
       call step_with_mean(face, solvers, choices, t0, t1, timers, errors)
     end if
     if (errors%any()) return
-    call judge_both(solvers, verb_accept, face%step, t0, t1, timers, errors)
+    call accept_both(solvers, choices, face%step, t0, t1, timers, errors)
     if (errors%any()) return
     call face%accept(t1 - t0)
   end subroutine one_piece
@@ -137,7 +137,7 @@ contains
         call check_stiffness(face, solvers, t1, .true., timers, errors)
       gap_before = gap
       if (.not. errors%any()) &
-        call judge_both(solvers, verb_reject, face%step, t0, t1, timers, errors)
+        call reject_both(solvers, face%step, t0, t1, timers, errors)
       if (errors%any()) return
       call face%follow_facets()
     end do
@@ -406,10 +406,10 @@ contains
     v(:, face%map%nodes + 1:) = turn_rate
   end subroutine read_motion
 
-  !> ACCEPT or REJECT to both, asked before either is read.
-  subroutine judge_both(solvers, verb, step, t0, t1, timers, errors)
+  !> ACCEPT to both. Grains of which no interval is repeated need no copy of their state.
+  subroutine accept_both(solvers, choices, step, t0, t1, timers, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
-    integer(i4), intent(in) :: verb
+    type(cpl_choices_type), intent(in) :: choices
     integer(i8), intent(in) :: step
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
@@ -417,13 +417,39 @@ contains
     integer(i4) :: k
 
     do k = 1, 2
-      call solvers(k)%start_request(verb, step, t0, t1)
+      call solvers(k)%start_request(verb_accept, step, t0, t1)
+      if (k == side_grains .and. choices%scheme /= scheme_iterated) &
+        call solvers(k)%request%put_int(field_final, 1_i4)
       call solvers(k)%send(timers, errors)
     end do
+    call receive_both(solvers, timers, errors)
+  end subroutine accept_both
+
+  subroutine reject_both(solvers, step, t0, t1, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    integer(i8), intent(in) :: step
+    real(wp), intent(in) :: t0, t1
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+
+    do k = 1, 2
+      call solvers(k)%start_request(verb_reject, step, t0, t1)
+      call solvers(k)%send(timers, errors)
+    end do
+    call receive_both(solvers, timers, errors)
+  end subroutine reject_both
+
+  !> Both were asked before either is read.
+  subroutine receive_both(solvers, timers, errors)
+    type(cpl_solver_type), intent(inout) :: solvers(2)
+    type(timers_type), intent(inout) :: timers
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
     do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)
     end do
-  end subroutine judge_both
+  end subroutine receive_both
 
   !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice,
   !! or at once.

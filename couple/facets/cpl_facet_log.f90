@@ -47,11 +47,10 @@ contains
 
   pure integer(i4) function used_facets(face)
     type(interface_type), intent(in) :: face
-    integer(i4) :: g
-    used_facets = 0
-    do g = 1, face%map%ghosts
-      if (.not. any(face%map%facet(:g - 1) == face%map%facet(g))) used_facets = used_facets + 1
-    end do
+    logical :: used(maxval(face%map%facet))
+    used = .false.
+    used(face%map%facet) = .true.
+    used_facets = count(used)
   end function used_facets
 
   subroutine log_row(log, face, audit, time, overhead, left)

@@ -179,20 +179,25 @@ contains
     integer(i4), intent(in) :: facets(:, :), hex8(:, :)
     integer(i4), intent(out) :: element(:)
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: behind(size(facets, 2)), e, f, g
-    logical :: used(max(maxval(facets), maxval(hex8)))
+    integer(i4) :: behind(size(facets, 2)), next(size(facets, 2)), e, f, g, a
+    integer(i4) :: first(max(maxval(facets), maxval(hex8)))  !! facet that begins at a node
 
-    used = .false.
     behind = -1
-    do g = 1, map%ghosts
-      behind(map%facet(g)) = 0
-      if (node_count(facets(:, map%facet(g))) == 4) used(facets(:4, map%facet(g))) = .true.
+    behind(map%facet) = 0
+    first = 0
+    next = 0
+    do f = 1, size(facets, 2)
+      if (behind(f) /= 0) cycle
+      next(f) = first(facets(1, f))
+      first(facets(1, f)) = f
     end do
     do e = 1, size(hex8, 2)
-      if (count(used(hex8(:, e))) < 4) cycle
-      do f = 1, size(facets, 2)
-        if (behind(f) /= 0) cycle
-        if (holds(hex8(:, e), facets(:, f))) behind(f) = e
+      do a = 1, 8
+        f = first(hex8(a, e))
+        do while (f > 0)
+          if (behind(f) == 0 .and. holds(hex8(:, e), facets(:, f))) behind(f) = e
+          f = next(f)
+        end do
       end do
     end do
     element = behind(map%facet)

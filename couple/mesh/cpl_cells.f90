@@ -3,6 +3,7 @@ module cpl_cells
   use talus_kinds, only: wp, i4
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
+  use cpl_boxes, only: boxes_type
   use cpl_elements, only: is_known, node_count, corner_count, corner_kind, shapes, locate, inside, &
     most_nodes
   implicit none
@@ -23,9 +24,7 @@ module cpl_cells
     logical, allocatable :: polar(:)          !! the node has a micro-rotation, or a
     logical :: micromorphic = .false.         !! micro-deformation
     real(wp), allocatable :: low(:, :), high(:, :)  !! boxes around the elements (3, elements) [m]
-    real(wp) :: corner(3) = 0.0_wp, pitch(3) = 1.0_wp  !! of the boxes of space [m]
-    integer(i4) :: boxes(3) = 0
-    integer(i4), allocatable :: first(:), listed(:)
+    type(boxes_type) :: boxes                       !! of space
   contains
     procedure :: check
     procedure :: prepare
@@ -86,73 +85,22 @@ contains
     call placed%prepare()
   end subroutine place
 
-  !> Boxes of space, about one an element.
+  !> Boxes around the elements, and boxes of space.
   subroutine prepare(self)
     class(cells_type), intent(inout) :: self
-    real(wp) :: extent(3), size_of(3)
-    integer(i4) :: e, j, k, from(3), to(3), i, pass
-    integer(i4), allocatable :: filled(:)
+    real(wp) :: slack(3)
+    integer(i4) :: e
 
     allocate (self%low(3, self%elements), self%high(3, self%elements))
     do e = 1, self%elements
       associate (x => self%x(:, self%node(self%start(e):self%start(e + 1) - 1)))
-        size_of = 1.0e-6_wp*(maxval(x, 2) - minval(x, 2))
-        self%low(:, e) = minval(x, 2) - size_of
-        self%high(:, e) = maxval(x, 2) + size_of
+        slack = 1.0e-6_wp*(maxval(x, 2) - minval(x, 2))
+        self%low(:, e) = minval(x, 2) - slack
+        self%high(:, e) = maxval(x, 2) + slack
       end associate
     end do
-    self%corner = minval(self%low, 2)
-    extent = maxval(self%high, 2) - self%corner
-    size_of = sum(self%high - self%low, 2)/self%elements
-    self%boxes = max(1, min(256, ceiling(extent/size_of)))
-    self%pitch = extent/self%boxes
-    allocate (self%first(product(self%boxes) + 1), source=0_i4)
-    allocate (filled(product(self%boxes)), source=0_i4)
-    do pass = 1, 2
-      do e = 1, self%elements
-        from = box_of(self, self%low(:, e))
-        to = box_of(self, self%high(:, e))
-        do k = from(3), to(3)
-          do i = from(2), to(2)
-            do j = from(1), to(1)
-              call put(number(self, [j, i, k]), e, pass)
-            end do
-          end do
-        end do
-      end do
-      if (pass == 2) exit
-      self%first(1) = 1
-      do i = 2, size(self%first)
-        self%first(i) = self%first(i) + self%first(i - 1)
-      end do
-      allocate (self%listed(self%first(size(self%first)) - 1))
-    end do
-
-  contains
-
-    subroutine put(box, element, round)
-      integer(i4), intent(in) :: box, element, round
-      if (round == 1) then
-        self%first(box + 1) = self%first(box + 1) + 1
-      else
-        self%listed(self%first(box) + filled(box)) = element
-        filled(box) = filled(box) + 1
-      end if
-    end subroutine put
+    call self%boxes%make(self%low, self%high)
   end subroutine prepare
-
-  pure function box_of(self, x) result(box)
-    type(cells_type), intent(in) :: self
-    real(wp), intent(in) :: x(3)
-    integer(i4) :: box(3)
-    box = min(self%boxes - 1, max(0, int((x - self%corner)/self%pitch)))
-  end function box_of
-
-  pure integer(i4) function number(self, box)
-    type(cells_type), intent(in) :: self
-    integer(i4), intent(in) :: box(3)
-    number = 1 + box(1) + self%boxes(1)*(box(2) + self%boxes(2)*box(3))
-  end function number
 
   !> The element a point lies in: of several (on a face) the one with the highest rank, then the
   !! lowest number.
@@ -162,13 +110,12 @@ contains
     integer(i4), intent(in) :: rank(:)  !! of the elements
     type(spot_type), intent(out) :: spot
     real(wp) :: xi(3), n(most_nodes), gradient(3, most_nodes)
-    integer(i4) :: e, k, box
+    integer(i4) :: e, k, range(2)
     logical :: found
 
-    if (any(x < self%corner) .or. any(x > self%corner + self%boxes*self%pitch)) return
-    box = number(self, box_of(self, x))
-    do k = self%first(box), self%first(box + 1) - 1
-      e = self%listed(k)
+    range = self%boxes%holding(x)
+    do k = range(1), range(2)
+      e = self%boxes%listed(k)
       if (any(x < self%low(:, e)) .or. any(x > self%high(:, e))) cycle
       if (spot%element > 0) then
         if (rank(e) <= rank(spot%element)) cycle

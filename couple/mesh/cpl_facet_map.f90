@@ -8,20 +8,12 @@ module cpl_facet_map
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_hash, only: hash_text
-  use cpl_shapes, only: node_count, corner_count, shapes, shapes_at, centre_of, inside, &
-    nearest_inside
+  use cpl_facet_search, only: facet_search_type
+  use cpl_shapes, only: node_count, shapes_at
   implicit none
   private
   public :: facet_map_type
 
-  integer(i4), parameter :: most_steps = 20            !! of Newton's method
-  real(wp), parameter :: settled = 1.0e-12_wp          !! last step, relative to the facet's size
-  real(wp), parameter :: bulge = 0.25_wp               !! of a curved facet beyond its nodes, of its
-                                                       !! size
-  real(wp), parameter :: rim = 1.0e-6_wp               !! natural coordinates may pass 1 by this
-  real(wp), parameter :: tie = 1.0e-9_wp               !! distances this close are equal, of the
-                                                       !! size
-  real(wp), parameter :: default_offset = 1.0e-3_wp    !! of the size of the facet
   real(wp), parameter :: identity_limit = 1.0e-12_wp
   integer(i4), parameter :: listed = 8                 !! ghosts named in a fault
 
@@ -56,7 +48,7 @@ contains
     real(wp), intent(in) :: x_node(:, :)       !! (3, nodes), all nodes of the mesh, by id [m]
     real(wp), intent(in) :: max_offset         !! [m], below 0: a share of the facet's size
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: distance(:)
+    type(facet_search_type) :: search
     logical :: none(size(x_node, 2))
     integer(i4) :: g, n, number(size(x_node, 2))
 
@@ -69,10 +61,10 @@ contains
     self%ghost_id = ids
     if (allocated(self%facet)) deallocate (self%facet, self%natural, self%offset, self%weight)
     allocate (self%facet(size(ids)), self%natural(2, size(ids)), self%offset(3, size(ids)), &
-              self%weight(size(facets, 1), size(ids)), distance(size(ids)))
+              self%weight(size(facets, 1), size(ids)))
+    call search%make(facets, x_node, max_offset)
     do g = 1, size(ids)
-      call locate(x_ghost(:, g), facets, x_node, max_offset, self%facet(g), self%natural(:, g), &
-                  distance(g))
+      call search%locate(x_ghost(:, g), self%facet(g), self%natural(:, g))
       self%weight(:, g) = 0.0_wp
       if (self%facet(g) == 0) cycle
       n = node_count(facets(:, self%facet(g)))
@@ -80,115 +72,18 @@ contains
       self%offset(:, g) = x_ghost(:, g) - self%point_on_facet(g, facets, x_node)
     end do
     if (any(self%facet == 0)) then
-      call report_outside(ids, self%facet, distance, errors)
+      call report_outside(ids, self%facet, x_ghost, search, errors)
       return
     end if
     none = .false.
     call self%number_nodes(facets, none, number)
   end subroutine build
 
-  !> The facet nearest to a point, the lowest number among equals; 0 when none is near enough, and
-  !! distance is then that to the nearest facet.
-  subroutine locate(x, facets, x_node, max_offset, facet, natural, distance)
-    real(wp), intent(in) :: x(3)
-    integer(i4), intent(in) :: facets(:, :)
-    real(wp), intent(in) :: x_node(:, :)
-    real(wp), intent(in) :: max_offset
-    integer(i4), intent(out) :: facet
-    real(wp), intent(out) :: natural(2), distance
-    real(wp) :: h, limit, off, seen(2), best, nearest, reach
-    real(wp), allocatable :: node(:, :)
-    integer(i4) :: k, n
-    logical :: found
-
-    facet = 0
-    natural = 0.0_wp
-    best = huge(1.0_wp)
-    nearest = huge(1.0_wp)
-    do k = 1, size(facets, 2)
-      n = node_count(facets(:, k))
-      node = x_node(:, facets(:n, k))
-      h = facet_size(node)
-      limit = max_offset
-      if (limit < 0.0_wp) limit = default_offset*h
-      limit = limit + rim*h
-      reach = limit
-      if (n > corner_count(n)) reach = reach + bulge*h
-      nearest = min(nearest, box_distance(x, node))
-      if (box_distance(x, node) > reach) cycle
-      call project(x, node, h, seen, found)
-      if (.not. found) cycle
-      off = norm2(x - matmul(node, shapes_at(n, nearest_inside(n, seen))))
-      nearest = min(nearest, off)
-      if (.not. inside(n, seen, rim)) cycle
-      off = norm2(x - matmul(node, shapes_at(n, seen)))
-      if (off > limit .or. off >= best - tie*h) cycle
-      best = off
-      facet = k
-      natural = seen
-    end do
-    distance = best
-    if (facet == 0) distance = nearest
-  end subroutine locate
-
-  !> Length of the longest line between corners [m].
-  pure real(wp) function facet_size(node)
-    real(wp), intent(in) :: node(:, :)
-    integer(i4) :: a, b
-    facet_size = 0.0_wp
-    do a = 2, corner_count(size(node, 2))
-      do b = 1, a - 1
-        facet_size = max(facet_size, norm2(node(:, a) - node(:, b)))
-      end do
-    end do
-  end function facet_size
-
-  !> Distance between a point and the box around the nodes of a facet [m].
-  pure real(wp) function box_distance(x, node)
-    real(wp), intent(in) :: x(3), node(:, :)
-    box_distance = norm2(max(0.0_wp, minval(node, 2) - x, x - maxval(node, 2)))
-  end function box_distance
-
-  !> Natural coordinates of the point of a facet nearest to x: Newton's method on r.t1 = r.t2 = 0
-  !! with r = x - x(xi, eta); where that leads to no minimum, without the curvature.
-  pure subroutine project(x, node, h, natural, found)
-    real(wp), intent(in) :: x(3), node(:, :)
-    real(wp), intent(in) :: h            !! size of the facet [m]
-    real(wp), intent(out) :: natural(2)
-    logical, intent(out) :: found
-    real(wp), dimension(size(node, 2)) :: value
-    real(wp) :: slope(2, size(node, 2)), bend(3, size(node, 2)), r(3), t(3, 2), a(3), b(2), &
-      step(2), det
-    integer(i4) :: k
-
-    natural = centre_of(int(size(node, 2), i4))
-    found = .false.
-    do k = 1, most_steps
-      call shapes(int(size(node, 2), i4), natural, value, slope, bend)
-      r = x - matmul(node, value)
-      t = matmul(node, transpose(slope))
-      b = matmul(r, t)
-      a = [dot_product(t(:, 1), t(:, 1)), dot_product(t(:, 1), t(:, 2)), &
-           dot_product(t(:, 2), t(:, 2))]
-      a = a - matmul(bend, matmul(r, node))
-      det = a(1)*a(3) - a(2)**2
-      if (.not. (det > tiny(1.0_wp) .and. a(1) > 0.0_wp)) then
-        a = a + matmul(bend, matmul(r, node))
-        det = a(1)*a(3) - a(2)**2
-      end if
-      if (.not. det > tiny(1.0_wp)) return
-      step = [a(3)*b(1) - a(2)*b(2), a(1)*b(2) - a(2)*b(1)]/det
-      natural = natural + step
-      if (any(abs(natural) > 1.0e3_wp)) return
-      found = norm2(matmul(t, step)) < settled*h
-      if (found) return
-    end do
-  end subroutine project
-
-  subroutine report_outside(ids, facet, distance, errors)
+  subroutine report_outside(ids, facet, x_ghost, search, errors)
     integer(i8), intent(in) :: ids(:)
     integer(i4), intent(in) :: facet(:)
-    real(wp), intent(in) :: distance(:)
+    real(wp), intent(in) :: x_ghost(:, :)  !! (3, ghosts) [m]
+    type(facet_search_type), intent(in) :: search
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: list
     integer(i4) :: g, n
@@ -200,7 +95,8 @@ contains
       n = n + 1
       if (n > listed) cycle
       if (n > 1) list = list//', '
-      list = list//'grain '//str(ids(g))//' ('//str(distance(g))//' m)'
+      list = list//'grain '//str(ids(g))//' ('// &
+             str(search%distance(x_ghost(:, g)))//' m)'
     end do
     if (n > listed) list = list//', ...'
     call errors%add('I401', str(n)//' of '//str(size(ids))//' ghosts lie on no facet: '//list, '', &
