@@ -9,7 +9,7 @@ module dem_contacts
   use dem_surface_measure, only: surface_stiffness, body_of_part
   implicit none
   private
-  public :: dem_contacts_type, list_contacts, make_contacts, append_contacts
+  public :: dem_contacts_type, list_contacts, make_contacts, append_contacts, stiffness_on
 
   !> Contacts at one time, ordered by lower id, then higher id; planes have ids -1, -2, ...
   type :: dem_contacts_type
@@ -30,21 +30,63 @@ contains
   subroutine list_contacts(d, list)
     type(dem_data_type), intent(in) :: d
     type(dem_contacts_type), intent(inout) :: list
-    integer(i4) :: i, e, slot, lane, block
+    integer(i4) :: i, e, lane, block
 
     call make_contacts(list, contact_count(d))
     do i = 1, d%grains%n + 3 + d%planes%n
       do e = d%pairs%start(i), d%pairs%start(i + 1) - 1
-        if (mod(d%pairs%entry(e), 2) == 1) cycle
-        slot = d%pairs%entry(e)/2
-        lane = 1 + mod(slot, lanes)
-        block = 1 + slot/lanes
-        if (.not. d%pairs%history(lane, history_side, block) > 0.0_wp) cycle
+        if (.not. begins_contact(d, e, lane, block)) cycle
         call add_contact(d, lane, block, list)
       end do
     end do
     call add_surface_contacts(d, list)
   end subroutine list_contacts
+
+  !> Is this entry of a body the first of a pair that touches? Then also where the pair stands.
+  logical function begins_contact(d, entry, lane, block)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: entry
+    integer(i4), intent(out) :: lane, block
+    integer(i4) :: slot
+    slot = d%pairs%entry(entry)/2
+    lane = 1 + mod(slot, lanes)
+    block = 1 + slot/lanes
+    begins_contact = mod(d%pairs%entry(entry), 2) == 0
+    if (begins_contact) &
+      begins_contact = d%pairs%history(lane, history_side, block) > 0.0_wp
+  end function begins_contact
+
+  !> Sums of the normal stiffness of the contacts of some grains, in the order of the list [N/m].
+  function stiffness_on(d, some) result(stiffness)
+    type(dem_data_type), intent(in) :: d
+    integer(i4), intent(in) :: some(:)
+    real(wp) :: stiffness(size(some)), whole(d%grains%n), k(2)
+    logical :: wanted(d%grains%n + 3 + d%planes%n)
+    integer(i4) :: i, e, g, lane, block
+
+    wanted = .false.
+    wanted(some) = .true.
+    whole = 0.0_wp
+    do i = 1, d%grains%n + 3 + d%planes%n
+      do e = d%pairs%start(i), d%pairs%start(i + 1) - 1
+        if (.not. begins_contact(d, e, lane, block)) cycle
+        g = d%pairs%grain(d%pairs%second(lane, block))
+        if (.not. (wanted(i) .or. wanted(g))) cycle
+        k = pair_stiffness(d, lane, block)
+        if (i <= d%grains%n) whole(i) = whole(i) + k(1)
+        whole(g) = whole(g) + k(1)
+      end do
+    end do
+    do i = 1, d%surfaces%list%near
+      g = d%surfaces%list%near_grain(i)
+      if (.not. wanted(g)) cycle
+      do e = 1, d%surfaces%list%contacts(i)
+        k = surface_stiffness(d, e, i)
+        whole(g) = whole(g) + k(1)
+      end do
+    end do
+    stiffness = whole(some)
+  end function stiffness_on
 
   !> An empty list with room for m contacts.
   subroutine make_contacts(list, m)

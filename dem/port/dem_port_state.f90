@@ -18,6 +18,7 @@ module dem_port_state
     flag_late_rebuild, flag_large_overlap
   use talus_serve, only: limit_told
   use talus_version, only: version_text
+  use dem_contacts, only: stiffness_on
   use dem_measure, only: momentum_of, angular_momentum_of
   use dem_packing, only: group_index
   use dem_parts, only: find_border
@@ -160,11 +161,7 @@ contains
     type(dem_system_type), intent(in) :: system
     type(dem_set_type), intent(in) :: set
     type(message_type), intent(inout) :: reply
-    type(dem_contacts_type) :: list
     real(wp), allocatable :: stiffness(:)
-    integer(i4), allocatable :: pair(:)
-    type(error_list_type) :: none
-    integer(i4) :: k
 
     if (set%role == role_border .or. set%role == role_pore) return
     if (set%role == role_surface) then
@@ -173,18 +170,8 @@ contains
       call reply%put(field_stiffness, stiffness)
       return
     end if
-    allocate (stiffness(system%grains%n), source=0.0_wp)
-    call system%contacts(list)
-    do k = 1, list%n
-      if (list%ids(1, k) < 0) then
-        call system%find(list%ids(2:2, k), pair, none)
-      else
-        call system%find(list%ids(:, k), pair, none)
-      end if
-      stiffness(pair) = stiffness(pair) + list%stiffness(1, k)
-    end do
     call reply%put(field_mass, system%grains%mass(set%index))
-    call reply%put(field_stiffness, stiffness(set%index))
+    call reply%put(field_stiffness, stiffness_on(system%dem_data_type, set%index))
   end subroutine reply_selected
 
   !> Ledger, momentum, limits and flags; late is the number of late rebuilds reported so far.

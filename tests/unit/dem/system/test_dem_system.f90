@@ -11,6 +11,7 @@ program test_dem_system
   use dem_make, only: make_grains, make_planes, prescribe_some
   use dem_archive, only: dem_archive_type
   use dem_parts_forces, only: begin_ahead, is_left, slice_of_free, forces_on_rim
+  use dem_contacts, only: stiffness_on
   use dem_measure, only: coordination_of, contact_count, momentum_of
   use dem_system, only: dem_system_type, dem_contacts_type
   implicit none
@@ -439,6 +440,7 @@ contains
     end do
     call test%check_all_close('forces of a grain add up', &
                           force, s%grains%force(:, index(1)), 1.0e-12_wp)
+    call check_stiffness(s, list)
     k = maxloc(list%overlap, dim=1, mask=list%ids(1, :) > 0)
     force = list%force(:, k)
     call s%set_weights(reshape([list%ids(2, k), list%ids(1, k), 900_i8, 901_i8], [2, 2]), &
@@ -449,6 +451,27 @@ contains
                           0.25_wp, &
                           1.0e-2_wp)
   end subroutine check_lists
+
+  !> Sums of stiffness are those of the list, of one grain and of many, in any order.
+  subroutine check_stiffness(s, list)
+    type(dem_system_type), intent(in) :: s
+    type(dem_contacts_type), intent(in) :: list
+    real(wp) :: wanted(s%grains%n), one(1)
+    integer(i4) :: i, k
+    wanted = 0.0_wp
+    do k = 1, list%n
+      do i = 1, s%grains%n
+        if (any(list%ids(:, k) == s%grains%id(i))) wanted(i) = wanted(i) + list%stiffness(1, k)
+      end do
+    end do
+    associate (found => stiffness_on(s%dem_data_type, [(i, i=int(s%grains%n), 1, -1)]))
+      call test%check('stiffness of all', all(found(s%grains%n:1:-1) == wanted) .and. &
+                      any(wanted > 0.0_wp))
+    end associate
+    k = int(maxloc(wanted, 1), i4)
+    one = stiffness_on(s%dem_data_type, [k])
+    call test%check('stiffness of one', one(1) == wanted(k))
+  end subroutine check_stiffness
 
   !> A step far too long ends with the grain named, not with a crash.
   subroutine check_faults()
