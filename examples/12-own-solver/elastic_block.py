@@ -21,6 +21,7 @@ class Block(Solid):
     """Linear elasticity, mean volumetric strain over each element (B-bar), base held."""
 
     program = "elastic_block"
+    capabilities = Solid.capabilities + ",checkpoint"
 
     def __init__(self, size: list[float], cells: list[int], young: float, poisson: float,
                  density: float, gravity: list[float]) -> None:  # fmt: skip

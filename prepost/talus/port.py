@@ -8,6 +8,7 @@ parts: `Message`, `write_message`, `read_message`, `join`, `offer`, `spec_of`.
 import os
 import signal
 import sys
+import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
@@ -371,26 +372,69 @@ def put_fault(reply: Message, fault: FaultError) -> None:
                Field.ERROR_PLACE: fault.place, Field.ERROR_HINT: fault.hint})  # fmt: skip
 
 
-def serve(spec: str, answer: Callable[[Message], Values]) -> int:
+class Heart:
+    """Lets the heartbeat of an end go on while a request is worked on, from a thread of its own.
+
+    With `with heart:` around the work the end beats every SLICE, for `longest` s at most: a request
+    that has not ended by then counts as a hang. Calls that keep the interpreter to themselves for
+    long let no thread run; then processor time is the sign of life.
+    """
+
+    def __init__(self, end: FileEnd | MemoryEnd, longest: float) -> None:
+        """Start the thread."""
+        self.end, self.longest = end, longest
+        self.since: float | None = None  # when the work began [s], None between requests
+        self.lock, self.closed = threading.Lock(), threading.Event()
+        self.thread = threading.Thread(target=self.go_on, daemon=True)
+        self.thread.start()
+
+    def go_on(self) -> None:
+        """Beat while there is work."""
+        while not self.closed.wait(SLICE):
+            with self.lock:
+                if self.since is not None and time.monotonic() < self.since + self.longest:
+                    self.end.beat()
+
+    def __enter__(self) -> None:
+        """Begin to work."""
+        with self.lock:
+            self.since = time.monotonic()
+
+    def __exit__(self, *why: object) -> None:
+        """End: no beat comes after this."""
+        with self.lock:
+            self.since = None
+
+    def stop(self) -> None:
+        """End the thread."""
+        self.closed.set()
+        self.thread.join()
+
+
+def serve(spec: str, answer: Callable[[Message], Values], longest: float = 3600.0) -> int:
     """Answer the requests of talus-couple until STOP or ABORT; return the exit code.
 
     `spec` is that of --port=SPEC (`port_of`) or the stem of files. `answer` receives a request and
-    returns the fields of its reply; a FaultError that it raises is the reply.
+    returns the fields of its reply; a FaultError that it raises is the reply. Meanwhile the
+    heartbeat goes on, for `longest` s of a request at most.
     """
     end = open_end(spec)
+    heart = Heart(end, longest)
     try:
-        return serve_end(end, answer)
+        return serve_end(end, answer, heart)
     finally:
+        heart.stop()
         end.close()
 
 
-def serve_end(end: FileEnd | MemoryEnd, answer: Callable[[Message], Values]) -> int:
+def serve_end(end: FileEnd | MemoryEnd, answer: Callable[[Message], Values], heart: Heart) -> int:
     """Answer what arrives at an end; a message that cannot be read ends the service (code 4)."""
     code = STATUS["system"]
     while (request := next_request(end)) is not None:
         reply = Message(request.verb, request.sequence, request.step, request.t0, request.t1)
         try:
-            reply.put(answer(request))
+            with heart:
+                reply.put(answer(request))
         except FaultError as fault:
             put_fault(reply, fault)
         end.send(reply)

@@ -9,6 +9,7 @@ import math
 import numpy as np
 
 from talus.port import Message, Values
+from talus.port_checkpoint import State
 from talus.port_names import SCALARS, Field
 from talus.port_solid import Solid
 
@@ -52,6 +53,8 @@ class Explicit(Solid):
 
     def ready(self, request: Message) -> Values:
         """Tell the accepted state; dead loads that were set meanwhile hold from here on."""
+        if self.resumed:
+            return super().ready(request)
         if not request.flag(Field.REHEARSAL):
             self.fall = self.old_fall = self.damped = self.old_damped = 0.0
         self.old_load = self.load = self.old_load + self.dead - self.old_dead
@@ -176,6 +179,21 @@ class Explicit(Solid):
         self.v, self.a, self.push = (part.copy() for part in self.kept)
         self.fall, self.damped = self.old_fall, self.old_damped
         return reply
+
+    def accepted_state(self) -> State:
+        """Return what a checkpoint holds."""
+        v, a, push = self.kept
+        return super().accepted_state() | {
+            "v": v, "a": a, "push": push, "old_dead": self.old_dead,
+            "fall": np.array(self.old_fall), "damped": np.array(self.old_damped)}  # fmt: skip
+
+    def take_state(self, state: State) -> None:
+        """Go on from what `accepted_state` returned."""
+        super().take_state(state)
+        self.push, self.old_dead = state["push"], state["old_dead"]
+        self.fall = self.old_fall = float(state["fall"])
+        self.damped = self.old_damped = float(state["damped"])
+        self.keep()
 
     def scalars(self) -> np.ndarray:
         """Return the table of scalars (19), with what moves."""

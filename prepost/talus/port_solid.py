@@ -7,6 +7,7 @@ loads, trial and accepted state, energies and faults are here.
 import numpy as np
 
 from talus.port import Message, Values
+from talus.port_checkpoint import State
 from talus.port_frame import Partner
 from talus.port_names import CELLS, SCALAR_COUNT, SCALARS, Field
 
@@ -104,7 +105,7 @@ class Solid(Partner):
 
     def ready(self, request: Message) -> Values:
         """Tell the accepted state; a rehearsal that ends leaves state and an empty ledger."""
-        if not request.flag(Field.REHEARSAL):
+        if not (request.flag(Field.REHEARSAL) or self.resumed):
             self.work = self.old_work = 0.0
         return self.state(0)
 
@@ -142,6 +143,22 @@ class Solid(Partner):
         self.u, self.v = self.accepted.copy(), np.zeros(self.x.shape)
         self.load, self.work = self.old_load, self.old_work
         return {}
+
+    def accepted_state(self) -> State:
+        """Return what a checkpoint holds; a solid with a history of its own adds it."""
+        return {"u": self.accepted, "v": self.v, "a": self.a, "load": self.old_load,
+                "dead": self.dead, "work": np.array(self.old_work)}  # fmt: skip
+
+    def take_state(self, state: State) -> None:
+        """Go on from what `accepted_state` returned."""
+        wrong = [name for name in ("u", "v", "a", "load", "dead")
+                 if state[name].shape != self.x.shape]  # fmt: skip
+        if wrong:
+            raise ValueError(f"it has {len(state[wrong[0]])} nodes, {len(self.x)} are due")
+        self.accepted, self.v, self.a = state["u"], state["v"], state["a"]
+        self.old_load, self.dead = state["load"], state["dead"]
+        self.u, self.load = self.accepted.copy(), self.old_load
+        self.work = self.old_work = float(state["work"])
 
     def state(self, iterations: int) -> Values:
         """Tell motion of all sets, iterations and energies."""

@@ -303,6 +303,8 @@ from talus.faults import FaultError
 from talus.port import Message, place, port_of
 
 class Faulty(Block):
+    longest = 0.0
+
     def ready(self, request):
         if sys.argv[2] == "late":
             time.sleep(60.0)
