@@ -85,14 +85,14 @@ static long in_use(void)
 
 /*
  * The end: one line in one write, so that those of ranks do not mix and a partner's report of the last
- * lines has it; without memory of its own.
+ * lines has it, and a new one, as progress may stand in the one before; without memory of its own.
  */
 static void no_memory(size_t size)
 {
     char text[512];
     const char *rank = getenv("OMPI_COMM_WORLD_RANK");
     const int length = snprintf(text, sizeof text,
-        "error %s: no memory for %.1f MiB more%s%s, %ld MiB are in use: take a"
+        "\nerror %s: no memory for %.1f MiB more%s%s, %ld MiB are in use: take a"
         " smaller model, more ranks on more machines, or a machine with more memory; the last checkpoint"
         " is valid\n",
         "S018", (double)size / 1048576.0, rank ? " on rank " : "", rank ? rank : "", in_use());

@@ -59,7 +59,7 @@ contains
     stop
   end subroutine ask_for_too_much
 
-  !> S018 in one line, and exit code 4.
+  !> S018 in one line, which begins a new one, and exit code 4.
   subroutine no_memory()
     character(len=512) :: program, line, more
     integer :: code, unit, stat
@@ -67,6 +67,8 @@ contains
     call execute_command_line(trim(program)//' ask >'//trim(program)//'.out 2>&1', exitstat=code)
     call test%check('exit code of a system failure', code == 4)
     open (newunit=unit, file=trim(program)//'.out', action='read')
+    read (unit, '(a)') more
+    call test%check('a new line', len_trim(more) == 0)
     read (unit, '(a)') line
     read (unit, '(a)', iostat=stat) more
     close (unit, status='delete')
