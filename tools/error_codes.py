@@ -33,7 +33,6 @@ UNTESTED: dict[str, str] = {
     "N408": "guards the reference of a relaxed solid; no deck is known that breaks it",
     "N441": "guards the factor of a matrix that is positive by construction; no input breaks it",
     "P424": "a solver that dies in its --check without a word; no input does that",
-    "S018": "no memory; test_talus_memory has it",
     "S301": "METIS out of memory",
     "S302": "another build of MUMPS",
     "S303": "MUMPS out of memory",

@@ -33,6 +33,7 @@ module fem_solver
     real(wp), allocatable, private :: value(:), right(:)
   contains
     procedure :: number
+    procedure :: order_nodes
     procedure :: factor
     procedure :: solve
     procedure :: turn_to_factors
@@ -77,7 +78,7 @@ contains
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
 
-  !> Positions of the nodes; the leader alone finds the order.
+  !> Positions of the nodes; the leader alone finds the order, others have none.
   subroutine order_nodes(self, dofs, pattern, errors)
     class(fem_solver_type), intent(inout) :: self
     type(fem_dofs_type), intent(in) :: dofs

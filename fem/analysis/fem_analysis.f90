@@ -34,7 +34,6 @@ module fem_analysis
     procedure(take_step), deferred :: step   !! to time t1; the state found is a trial
     procedure :: check                       !! of the whole deck, once the body is read
     procedure :: check_port
-    procedure :: one_rank
     procedure :: read_times
     procedure :: before_matrices
     procedure :: after_matrices
@@ -88,13 +87,6 @@ contains
     type(deck_type), intent(in) :: deck
     type(error_list_type), intent(inout) :: errors
   end subroutine check_port
-
-  !> What of the deck requires one rank, with its verb; '' if nothing does.
-  function one_rank(self) result(what)
-    class(fem_analysis_type), intent(in) :: self
-    character(len=:), allocatable :: what
-    what = ''
-  end function one_rank
 
   !> End and step; one step to 1 s where the deck gives none. A coupled run has those of the
   !! partner.

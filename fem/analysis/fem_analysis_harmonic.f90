@@ -16,7 +16,6 @@ module fem_analysis_harmonic
   use fem_analysis, only: fem_analysis_type
   use fem_body, only: fem_body_type
   use fem_mesh, only: find_group, group_hint
-  use fem_metis, only: dissect
   use fem_parts, only: fem_scheme_type
   use fem_sparse, only: fem_pattern_type, multiply
   use fem_types, only: group_facet, group_node, group_volume
@@ -41,7 +40,6 @@ module fem_analysis_harmonic
     procedure :: read => read_harmonic
     procedure :: check
     procedure :: check_port
-    procedure :: one_rank
     procedure :: begin
     procedure :: complete
     procedure :: step
@@ -139,12 +137,6 @@ contains
                     'not', 'analysis', 1, 'kind', 'run this deck alone')
   end subroutine check_port
 
-  function one_rank(self) result(what)
-    class(fem_analysis_harmonic_type), intent(in) :: self
-    character(len=:), allocatable :: what
-    what = "kind = 'harmonic' takes"
-  end function one_rank
-
   !> Two steps of one a frequency; factors are computed as needed.
   subroutine begin(self, body, dt, fresh, errors)
     class(fem_analysis_harmonic_type), intent(inout) :: self
@@ -211,33 +203,41 @@ contains
       system%solver%free = 2*n
       system%solver%mumps%indefinite = .true.
       system%solver%mumps%pivoting = .true.
+      system%solver%mumps%ranks = system%pattern%halo%ranks_type
       call system%solver%mumps%analyse(2*n, irn, jcn, order, errors)
     end associate
   end subroutine number
 
-  !> Elimination order of the 2 n rows: that of the nodes by METIS, both rows of a pair in turn.
+  !> Elimination order of the 2 n rows: that of the nodes by METIS, both rows of a pair in turn;
+  !! none on other ranks than the leader.
   subroutine eliminate(equation, body, n, order, errors)
     integer(i4), intent(in) :: equation(:, :), n
-    type(fem_body_type), intent(in) :: body
+    type(fem_body_type), intent(inout) :: body
     integer(i4), allocatable, intent(out) :: order(:)
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: position(:), first(:), blocks(:)
+    integer(i4), allocatable :: first(:), blocks(:)
     integer(i4) :: i, c, k, place
-    call dissect(body%dofs, body%system%pattern, 1_i4, position, errors)
+    call body%system%solver%order_nodes(body%dofs, body%system%pattern, errors)
     if (errors%any()) return
+    if (size(body%system%solver%position) < body%dofs%nodes) then
+      allocate (order(0))
+      return
+    end if
     allocate (first(body%dofs%nodes + 1), source=0_i4)
     allocate (blocks(body%dofs%blocks), order(2*n))
-    do i = 1, body%dofs%blocks  ! blocks of the nodes in their order
-      first(position(body%dofs%node(i)) + 1) = first(position(body%dofs%node(i)) + 1) + 1
-    end do
-    do i = 2, body%dofs%nodes + 1
-      first(i) = first(i) + first(i - 1)
-    end do
-    do i = 1, body%dofs%blocks
-      k = position(body%dofs%node(i))
-      first(k) = first(k) + 1
-      blocks(first(k)) = i
-    end do
+    associate (place_of => body%system%solver%position(body%dofs%node))
+      do i = 1, body%dofs%blocks  ! blocks of the nodes in their order
+        first(place_of(i) + 1) = first(place_of(i) + 1) + 1
+      end do
+      do i = 2, body%dofs%nodes + 1
+        first(i) = first(i) + first(i - 1)
+      end do
+      do i = 1, body%dofs%blocks
+        k = place_of(i)
+        first(k) = first(k) + 1
+        blocks(first(k)) = i
+      end do
+    end associate
     place = 0
     do k = 1, body%dofs%blocks
       do c = 1, 3

@@ -115,7 +115,7 @@ contains
     class(fem_model_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
     character(len=:), allocatable :: what
-    what = self%analysis%one_rank()
+    what = ''
     if (self%body%matter%micro%active) what = 'micromorphic solids require'
     if (self%body%pore%active) what = 'pore pressures require'
     if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &

@@ -148,25 +148,30 @@ def judge_restart(case: Case, name: str, first: int, then: int) -> None:
     case.below(f"{name}: {text}, difference / largest", off, SAME)
 
 
+def steady_deck(case: Case, words: dict[str, str], more: str = "") -> str:
+    """Return the deck without what varies in time, with words replaced and groups added."""
+    text = (case.folder / "deck.nml").read_text()
+    apart_from = ("&curve", "&motion", "&checkpoint", "&traction")
+    lines = [line for line in text.splitlines() if not line.startswith(apart_from)]
+    deck = "\n".join(lines) + "\n" + more
+    steady = {", t_end = 0.01": "", "3.0, 0.0, -9.81": "0.0, 0.0, 0.0", "2.0e-3": "1.0",
+              "5.0e-3": "1.0", ", fields = 'points'": ""}  # fmt: skip
+    for word, value in (steady | words).items():
+        deck = deck.replace(word, value)
+    return deck
+
+
 def judge_modes(case: Case) -> None:
     """Judge frequencies of a cube on its base, and effective masses of all its modes together.
 
     Two modes are nearly one frequency: round-off turns them in their plane, which moves mass
     between them.
     """
-    text = (case.folder / "deck.nml").read_text()
-    apart_from = ("&curve", "&traction", "&motion", "&checkpoint")
-    lines = [line for line in text.splitlines() if not line.startswith(apart_from)]
     words = {"MESH": "hex20.h5", "MATERIAL": CLASSICAL, "ELEMENT": "hex20",
-             "ANALYSIS": "kind = 'modal', modes = 8", ", t_end = 0.01": "",
-             "3.0, 0.0, -9.81": "0.0, 0.0, 0.0", "2.0e-3": "1.0", "5.0e-3": "1.0",
-             ", fields = 'points'": ""}  # fmt: skip
+             "ANALYSIS": "kind = 'modal', modes = 8"}  # fmt: skip
     found = {}
     for ranks in (0, 2, 3):
-        deck = "\n".join(lines) + "\n"
-        for word, value in words.items():
-            deck = deck.replace(word, value)
-        (case.folder / f"modes_{ranks}.nml").write_text(deck)
+        (case.folder / f"modes_{ranks}.nml").write_text(steady_deck(case, words))
         case.run("talus-fem", f"modes_{ranks}.nml", ranks=ranks)
         found[ranks] = read_history(case.folder / f"modes_{ranks}_modes.csv")
     case.above("modes: lowest frequency [Hz]", found[0]["frequency"][0], 1.0)
@@ -178,6 +183,44 @@ def judge_modes(case: Case) -> None:
         one, several = (np.array([m[f"mass {c}"].sum() for c in "xyz"]) for m in pair)
         case.below(f"modes: {ranks} ranks, masses, difference / largest",
                    apart(one, several) / extent(one), SAME)  # fmt: skip
+
+
+def response(case: Case, stem: str) -> dict[str, np.ndarray]:
+    """Return complex motions and reactions of a harmonic response by column."""
+    table = read_history(case.folder / f"{stem}_harmonic.csv")
+    return {name: table[name] * np.exp(1j * table[f"{name} phase"])
+            for name in table if f"{name} phase" in table}  # fmt: skip
+
+
+def judge_harmonic(case: Case) -> None:
+    """Judge steady responses: damped and absorbing on springs, and with micro-rotations."""
+    pull = "&traction group = 'side', value = 2.0e4, 1.0e4, 0.0 /\n"
+    analysis = ("kind = 'harmonic', frequencies = 5.0, 20.0, 60.0, loss_factor = 0.05, "
+                "response = 'top'")  # fmt: skip
+    kinds = {
+        "harmonic": ("hex20.h5", CLASSICAL, "hex20", pull + SPRINGS + ABSORBING,
+                     analysis + RAYLEIGH),
+        "harmonic_polar": ("hex20.h5", POLAR, "hex20/hex8", pull, analysis),
+    }  # fmt: skip
+    for name, (mesh, material, element, more, kind) in kinds.items():
+        words = {"MESH": mesh, "MATERIAL": material, "ELEMENT": element, "ANALYSIS": kind}
+        found = {}
+        for ranks in (0, 2, 3):
+            stem = f"{name}_{ranks}"
+            (case.folder / f"{stem}.nml").write_text(steady_deck(case, words, more))
+            case.run("talus-fem", f"{stem}.nml", ranks=ranks)
+            found[ranks] = response(case, stem)
+        lag = max(np.abs(np.angle(v[np.abs(v) > 0.1 * np.abs(v).max()])).max()
+                  for v in found[0].values() if np.abs(v).max() > 0.0)  # fmt: skip
+        case.above(f"{name}: largest phase [rad]", float(lag), 0.1, "real parts are not all")
+        for ranks in (2, 3):
+            worst = 0.0
+            for what in ("force ", ""):
+                names = [n for n in found[0] if ("force " in n) == bool(what)]
+                largest = max(np.abs(found[0][n]).max() for n in names)
+                worst = max(worst, *(np.abs(found[ranks][n] - found[0][n]).max() / largest
+                                     for n in names))  # fmt: skip
+            case.below(f"{name}: {ranks} ranks, difference / largest", float(worst), SAME)
 
 
 def judge_faults(case: Case) -> None:
@@ -236,5 +279,6 @@ def run(case: Case) -> None:
     judge_restart(case, "explicit", 2, 3)
     judge_restart(case, "stages", 2, 3)
     judge_modes(case)
+    judge_harmonic(case)
     judge_faults(case)
     case.save(fig)
