@@ -27,30 +27,32 @@ contains
     type(log_type), intent(inout) :: log
     logical, intent(in) :: failed  !! the step has no end
     logical, intent(inout) :: elliptic
-    real(wp), allocatable :: least(:), normal(:, :)
-    integer(i4), allocatable :: point(:)
-    integer(i4) :: e, k
+    real(wp), allocatable :: seen(:, :)  !! least determinant, its direction and point (5, elements)
+    integer(i4) :: e, point, first(1)
 
     associate (micro => body%matter%micro)
       if (.not. (micro%active .and. elliptic) .or. body%scheme%explicit .or. failed) return
       if (.not. any(can_lose(micro%law))) return
-      allocate (least(body%mesh%elements), source=1.0_wp)
-      allocate (normal(3, body%mesh%elements), point(body%mesh%elements))
-      !$omp parallel do default(none) shared(body, least, normal, point) private(e) &
-      !$omp schedule(dynamic)
-      do e = 1, body%mesh%elements
-        call look_at(body, e, point(e), least(e), normal(:, e))
-      end do
-      !$omp end parallel do
-      e = findloc(least <= 0.0_wp, .true., 1)
-      if (e == 0) return
     end associate
+    allocate (seen(5, body%mesh%elements), source=1.0_wp)
+    !$omp parallel do default(none) shared(body, seen) private(e, point) schedule(dynamic)
+    do e = 1, body%mesh%elements
+      call look_at(body, e, point, seen(1, e), seen(2:4, e))
+      seen(5, e) = real(point, wp)
+    end do
+    !$omp end parallel do
+    call body%whole%collect_cells(seen)  ! the first of all ranks, on the leader
+    e = 0
+    if (body%whole%ranks%leads()) e = int(findloc(seen(1, :) <= 0.0_wp, .true., 1), i4)
+    first = e
+    if (body%whole%ranks%several()) call body%whole%ranks%broadcast_numbers(first)
+    if (first(1) == 0) return
     elliptic = .false.
-    k = point(e)
+    if (e == 0) return
     call log%warn('time '//short_number(body%state%time)//' s: hardening loses ellipticity at '// &
-      'point '//str(k)//' of element '//str(e)//', in the direction '// &
-      short_number(normal(1, e))//', '//short_number(normal(2, e))//', '// &
-      short_number(normal(3, e))//'; from here on the width of bands may be that of elements')
+      'point '//str(nint(seen(5, e), i4))//' of element '//str(e)//', in the direction '// &
+      short_number(seen(2, e))//', '//short_number(seen(3, e))//', '// &
+      short_number(seen(4, e))//'; from here on the width of bands may be that of elements')
   end subroutine watch_ellipticity
 
   !> Softening, or a potential that is not the surface; closed surfaces can always soften.

@@ -51,6 +51,7 @@ contains
       body%whole%law_of = body%matter%law_of
       body%matter%law_of = body%matter%law_of(mine)
     end if
+    if (body%matter%micro%active) body%matter%micro%law_of = body%matter%micro%law_of(mine)
     if (allocated(body%matter%stress)) then
       call keep_columns(body%elastic%point, mine, body%matter%stress)
       call keep_columns(body%elastic%point, mine, body%matter%state)

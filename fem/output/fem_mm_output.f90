@@ -44,41 +44,83 @@ contains
     end do
   end subroutine describe_micro
 
-  !> Datasets of a step.
+  !> Datasets of a step; all ranks call it together, the leader writes.
   subroutine put_micro(body, points, file, group, errors)
     type(fem_body_type), intent(in) :: body
     logical, intent(in) :: points  !! write the data of the points too
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
-    real(wp), allocatable :: mean(:, :), nodal(:, :), position(:, :)
-    integer(i4) :: k, n
+    real(wp), allocatable :: mean(:, :), nodal(:, :)
 
-    n = body%mesh%nodes
-    allocate (mean(point_stresses, body%mesh%elements), nodal(point_stresses, n))
-    associate (stress => body%matter%accepted_stress, s => body%accepted)
+    allocate (mean(point_stresses, body%mesh%elements), nodal(point_stresses, body%mesh%nodes))
+    call put_motions(body, file, group, errors)
+    call mean_stress(body%mesh, body%dofs, body%elastic, body%matter%accepted_stress, mean)
+    call nodal_stress(body%mesh, body%dofs, body%elastic, body%matter%accepted_stress, nodal)
+    call body%whole%collect_cells(mean)
+    if (body%whole%ranks%leads()) then
+      call put_tensors(mean, '', file, group, errors)
+      call put_tensors(nodal, '_nodal', file, group, errors)
+    end if
+    call put_means(body, file, group, errors)
+    if (points) call put_points(body, file, group, errors)
+  end subroutine put_micro
+
+  !> Both motions with their rates and reactions.
+  subroutine put_motions(body, file, group, errors)
+    type(fem_body_type), intent(in) :: body
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(error_list_type), intent(inout) :: errors
+    real(wp), dimension(9, body%mesh%nodes) :: phi, rate, reaction
+    integer(i4) :: n
+    associate (s => body%accepted)
+      call nodal_chi(body, s%u, .true., phi)
+      call nodal_chi(body, s%v, .true., rate)
+      call nodal_chi(body, s%reaction, .false., reaction)
+      if (.not. body%whole%ranks%leads()) return
+      n = body%mesh%nodes
       call file%put(group//'/u', s%u(:, :n), errors)
       call file%put(group//'/v', s%v(:, :n), errors)
       call file%put(group//'/reaction', s%reaction(:, :n), errors)
-      call file%put(group//'/phi', nodal_chi(body, s%u, .true.), errors)
-      call file%put(group//'/phi_rate', nodal_chi(body, s%v, .true.), errors)
-      call file%put(group//'/reaction_phi', nodal_chi(body, s%reaction, .false.), errors)
-      call mean_stress(body%mesh, body%dofs, body%elastic, stress, mean)
-      call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
-      do k = 1, size(tensors)
-        call file%put(group//'/'//trim(tensors(k)), mean(first(k):last(k), :), errors)
-        call file%put(group//'/'//trim(tensors(k))//'_nodal', nodal(first(k):last(k), :), errors)
-        if (points) call file%put(group//'/'//trim(tensors(k))//'_points', &
-                                  stress(first(k):last(k), :), errors)
-      end do
-      call put_means(body, file, group, errors)
-      if (.not. points) return
-      allocate (position(3, body%elastic%points))
-      call point_positions(body%mesh, body%dofs, body%elastic, position)
-      call file%put(group//'/points_x', position, errors)
-      call file%put(group//'/state_points', body%matter%accepted_state, errors)
+      call file%put(group//'/phi', phi, errors)
+      call file%put(group//'/phi_rate', rate, errors)
+      call file%put(group//'/reaction_phi', reaction, errors)
     end associate
-  end subroutine put_micro
+  end subroutine put_motions
+
+  !> The three stresses of cells, nodes or points.
+  subroutine put_tensors(stress, where_from, file, group, errors)
+    real(wp), intent(in) :: stress(:, :)
+    character(len=*), intent(in) :: where_from  !! '', '_nodal', '_points'
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
+    do k = 1, size(tensors)
+      call file%put(group//'/'//trim(tensors(k))//where_from, stress(first(k):last(k), :), errors)
+    end do
+  end subroutine put_tensors
+
+  !> Places, stresses and states of the points.
+  subroutine put_points(body, file, group, errors)
+    type(fem_body_type), intent(in) :: body
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: group
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: position(:, :), stress(:, :), state(:, :)
+    allocate (position(3, body%elastic%points))
+    call point_positions(body%mesh, body%dofs, body%elastic, position)
+    stress = body%matter%accepted_stress
+    state = body%matter%accepted_state
+    call body%whole%collect_points(position)
+    call body%whole%collect_points(stress)
+    call body%whole%collect_points(state)
+    if (.not. body%whole%ranks%leads()) return
+    call put_tensors(stress, '_points', file, group, errors)
+    call file%put(group//'/points_x', position, errors)
+    call file%put(group//'/state_points', state, errors)
+  end subroutine put_points
 
   !> Flags and iterations (largest of an element's points), volume means of the others.
   subroutine put_means(body, file, group, errors)
@@ -86,8 +128,9 @@ contains
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: mean(named_states, body%mesh%elements)
+    real(wp), allocatable :: mean(:, :)
     integer(i4) :: e, k
+    allocate (mean(named_states, body%mesh%elements))
     do e = 1, body%mesh%elements
       associate (a => body%elastic%point(e), b => body%elastic%point(e + 1) - 1, m => body%matter)
         ! where grains stand for an element whole, it has no weight
@@ -97,6 +140,8 @@ contains
         mean(at_iterations, e) = maxval(m%accepted_state(at_iterations, a:b))
       end associate
     end do
+    call body%whole%collect_cells(mean)
+    if (.not. body%whole%ranks%leads()) return
     call file%put(group//'/yield', mean(at_flag, :), errors)
     call file%put(group//'/local_iterations', mean(at_iterations, :), errors)
     call file%put(group//'/dissipation', mean(at_dissipated, :), errors)
@@ -108,13 +153,14 @@ contains
 
   !> Nine components 11 12 13 21 .. at all nodes of a field on the blocks of phi; between the nodes
   !! that have it as the elements interpolate it, or zero.
-  pure function nodal_chi(body, u, between) result(nodal)
+  subroutine nodal_chi(body, u, between, nodal)
     type(fem_body_type), intent(in) :: body
     real(wp), intent(in) :: u(:, :)   !! (3, blocks)
     logical, intent(in) :: between
-    real(wp) :: nodal(9, body%mesh%nodes)
+    real(wp), intent(out) :: nodal(:, :)  !! (9, nodes)
     integer(i4), parameter :: order(9) = [1, 4, 7, 2, 5, 8, 3, 6, 9]
     real(wp) :: corner(9, 8)
+    real(wp), allocatable :: whole(:, :)
     integer(i4) :: e, a, n
     nodal = 0.0_wp
     do e = 1, body%mesh%elements
@@ -132,7 +178,12 @@ contains
       end associate
     end do
     nodal = nodal(order, :)
-  end function nodal_chi
+    if (.not. body%dofs%halo%several()) return
+    allocate (whole(9, body%dofs%blocks), source=0.0_wp)
+    whole(:, :body%mesh%nodes) = nodal
+    call body%dofs%halo%spread_out(whole)
+    nodal = whole(:, :body%mesh%nodes)
+  end subroutine nodal_chi
 
   !> The columns of phi from a block on, as nine numbers.
   pure function nine(u, block) result(v)

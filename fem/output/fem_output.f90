@@ -371,10 +371,11 @@ contains
     step%leads = body%whole%ranks%leads()
     step%group = ''
     if (body%matter%micro%active) then
-      call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
+      if (step%leads) &
+        call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
       call put_micro(body, self%points, step%file, step%group, errors)
-      call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
-      call self%xdmf%write(self%series, errors)
+      if (step%leads) call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
+      if (step%leads) call self%xdmf%write(self%series, errors)
       return
     end if
     n = body%mesh%nodes

@@ -118,15 +118,16 @@ contains
   subroutine describe_moduli(body, reply)
     type(fem_body_type), intent(in) :: body
     type(message_type), intent(inout) :: reply
-    real(wp), allocatable :: rows(:, :)  !! (6 moduli and the mark, elements)
-    allocate (rows(7, body%mesh%elements))
+    real(wp), allocatable :: rows(:, :)  !! (6 moduli, the mark and the law, elements)
+    allocate (rows(8, body%mesh%elements), source=0.0_wp)
     if (.not. body%matter%micro%active) rows(:6, :) = body%elastic%moduli
+    if (body%matter%micro%active) rows(8, :) = body%matter%micro%law_of
     associate (rule => body%elastic%rule(body%elastic%rule_of))
       rows(7, :) = merge(1.0_wp, 0.0_wp, rule%bbar .and. .not. rule%linear_volume)
     end associate
     call body%whole%collect_cells(rows)
     if (body%matter%micro%active) then
-      call describe_micro_laws(body, reply)
+      call describe_micro_laws(body, nint(rows(8, :), i4), reply)
     else
       call reply%put(field_moduli, rows(:6, :))
     end if
@@ -143,8 +144,9 @@ contains
 
   !> Moduli of the micropolar solid that is as stiff in uniform strain, and the tangent (45, 45) of
   !! the law at rest, column by column.
-  subroutine describe_micro_laws(body, reply)
+  subroutine describe_micro_laws(body, law_of, reply)
     type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: law_of(:)  !! (all elements), the leader's
     type(message_type), intent(inout) :: reply
     type(mm_motion_type) :: none
     type(mm_force_type) :: force
@@ -158,9 +160,9 @@ contains
       end associate
       packed(:, m) = reshape(tangent, [45*45])
     end do
-    call reply%put(field_moduli, moduli(:, body%matter%micro%law_of))
+    call reply%put(field_moduli, moduli(:, max(1, law_of)))
     call reply%put(field_tangent, packed)
-    call reply%put_int(field_law, body%matter%micro%law_of)
+    call reply%put_int(field_law, law_of)
   end subroutine describe_micro_laws
 
   subroutine no_group(what, name, hint, errors)

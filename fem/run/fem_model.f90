@@ -114,12 +114,9 @@ contains
   subroutine refuse_ranks(self, errors)
     class(fem_model_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
-    character(len=:), allocatable :: what
-    what = ''
-    if (self%body%matter%micro%active) what = 'micromorphic solids require'
-    if (self%body%pore%active) what = 'pore pressures require'
-    if (len(what) > 0) call self%deck%fault(errors, 'D338', what//' one rank of talus-fem, not '// &
-      str(self%ranks%ranks), 'analysis', 1, 'kind', 'start it without a launcher; threads work')
+    if (self%body%pore%active) call self%deck%fault(errors, 'D338', 'pore pressures require '// &
+      'one rank of talus-fem, not '//str(self%ranks%ranks), 'analysis', 1, 'kind', &
+      'start it without a launcher; threads work')
   end subroutine refuse_ranks
 
   !> Elements that lock, and stored energies of micromorphic solids that could be negative.

@@ -23,6 +23,16 @@ PLASTIC = (
     "law = 'drucker_prager', density = 2000.0, young = 2.0e7, poisson = 0.3, cohesion = 1.2e4, "
     "friction_deg = 25.0, dilation_deg = 5.0, hardening = 1.0e5"
 )
+MICRO = (
+    "&micromorphic id = 'm', density = 2000.0, micro_inertia = 1.0e-3, lambda = 2.9e7, mu = 0.7e7, "
+    "eta = 6.0e7, tau = 1.0e7, kappa = 1.0e7, nu = 0.8e7, sigma = 0.5e7, "
+    "taus = 0, 0, 0, 0, 0, 0, 5.0e4, 0, 0, 0, 0"
+)
+CONES = (
+    "&cone level = 'macro', friction_deg = 12.0, dilation_deg = 5.0, cohesion = 3.0e4, "
+    "hardening = 2.0e7 /\n&cone level = 'micro', friction_deg = 10.0, dilation_deg = 4.0, "
+    "cohesion = 3.0e4, hardening = 2.0e7 /\n"
+)
 FINITE = "law = 'neo_hookean', density = 2000.0, young = 2.0e5, poisson = 0.3"
 STRESS = "&initial_stress group = 'all', value = -1.0e4, -1.0e4, -1.0e4, 0.0, 0.0, 0.0 /\n"
 SPRINGS = "&spring group = 'top', normal = 1.0e8, tangential = 1.0e7 /\n"
@@ -51,6 +61,8 @@ RUNS = {  # element, material, more groups, analysis
     "hht": ("hex8_bbar", CLASSICAL, ABSORBING, f"kind = 'hht', alpha = -0.1, {STEP}{RAYLEIGH}"),
     "one_point": ("hex8_one_point", CLASSICAL, "", "kind = 'explicit', dt = 2.0e-4"),
     "explicit": ("hex8_bbar", PLASTIC, STRESS + ABSORBING, "kind = 'explicit', dt = 2.0e-4"),
+    "micromorphic": ("hex8/hex8", MICRO, CONES, f"kind = 'static', {NEWTON}, {STEP}"),
+    "micro_waves": ("hex20/hex8", MICRO, "", "kind = 'explicit', dt = 2.0e-4"),
     "inverted": ("hex8_bbar", FINITE, "", "kind = 'explicit', dt = 2.0e-4"),
 }
 JUDGED = [name for name in RUNS if name != "inverted"]
@@ -76,6 +88,8 @@ def write_deck(case: Case, name: str, stem: str) -> None:
     """Write the deck of a run under the name of its files."""
     element, material, more, analysis = RUNS[name]
     text = (case.folder / "deck.nml").read_text() + more
+    if material.startswith("&"):
+        text = text.replace("&material id = 'm', MATERIAL", material)
     words = {"MESH": f"{shape_of(element)}.h5", "MATERIAL": material, "ELEMENT": element}
     for word, value in (words | {"ANALYSIS": analysis}).items():
         text = text.replace(word, value)

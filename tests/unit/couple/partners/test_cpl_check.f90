@@ -48,9 +48,11 @@ program test_cpl_check
                    entities)
   call test%check('memory of three ranks', all(abs(memory - foretold%most) <= 0.0_wp))
   call test%check('grains', entities == 4711)
-  call test%check('more in an overlap', coupling_memory(.true., 1000, 1000) > &
-                  coupling_memory(.false., 1000, 1000))
-  call test%check('more of more grains', coupling_memory(.false., 2000, 1000) > &
-                  coupling_memory(.false., 1000, 1000))
+  call test%check('more in an overlap', coupling_memory(.true., .false., 1000, 1000) > &
+                  coupling_memory(.false., .false., 1000, 1000))
+  call test%check('more of more grains', coupling_memory(.false., .false., 2000, 1000) > &
+                  coupling_memory(.false., .false., 1000, 1000))
+  call test%check('more where intervals are repeated', coupling_memory(.false., .true., 1000, &
+                  1000) > coupling_memory(.false., .false., 1000, 1000))
   call test%finish()
 end program test_cpl_check
