@@ -415,14 +415,12 @@ contains
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
-
     do k = 1, 2
       call solvers(k)%start_request(verb_accept, step, t0, t1)
-      if (k == side_grains .and. choices%scheme /= scheme_iterated) &
-        call solvers(k)%request%put_int(field_final, 1_i4)
-      call solvers(k)%send(timers, errors)
     end do
-    call receive_both(solvers, timers, errors)
+    if (choices%scheme /= scheme_iterated) &
+      call solvers(side_grains)%request%put_int(field_final, 1_i4)
+    call ask_both(solvers, timers, errors)
   end subroutine accept_both
 
   subroutine reject_both(solvers, step, t0, t1, timers, errors)
@@ -431,25 +429,24 @@ contains
     real(wp), intent(in) :: t0, t1
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: k
-
-    do k = 1, 2
-      call solvers(k)%start_request(verb_reject, step, t0, t1)
-      call solvers(k)%send(timers, errors)
-    end do
-    call receive_both(solvers, timers, errors)
+    call solvers(side_grains)%start_request(verb_reject, step, t0, t1)
+    call solvers(side_solid)%start_request(verb_reject, step, t0, t1)
+    call ask_both(solvers, timers, errors)
   end subroutine reject_both
 
-  !> Both were asked before either is read.
-  subroutine receive_both(solvers, timers, errors)
+  !> Both are asked before either is read.
+  subroutine ask_both(solvers, timers, errors)
     type(cpl_solver_type), intent(inout) :: solvers(2)
     type(timers_type), intent(inout) :: timers
     type(error_list_type), intent(inout) :: errors
     integer(i4) :: k
     do k = 1, 2
+      call solvers(k)%send(timers, errors)
+    end do
+    do k = 1, 2
       if (.not. errors%any()) call solvers(k)%receive(timers, errors)
     end do
-  end subroutine receive_both
+  end subroutine ask_both
 
   !> Ask how stiff the ghosts' contacts are now; raise the springs when they were outgrown twice,
   !! or at once.
