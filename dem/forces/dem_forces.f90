@@ -6,6 +6,8 @@ module dem_forces
   use dem_block, only: dem_block_type
   use dem_shape_lanes, only: shape_block_type, ready_shapes, evaluate_shapes, &
     evaluate_shape_planes, evaluate_again, refine_shapes, add_shape_curvatures, solve_shape_lane
+  use dem_feature_pairs, only: evaluate_features
+  use dem_feature_state, only: shape_features
   use dem_shape_state, only: dem_shapes_type, shape_powers
   use dem_lanes, only: call_for, read_in_order, gather_side, gather_spheres, gather_motions, &
     gather_records, put_loads, sum_results
@@ -64,7 +66,10 @@ contains
       call call_for(pairs%normal(:, 1, later), 3*lanes)
       call branch_vectors(mine)
       call take_normals(pairs, mine, k)
-      if (pairs%shape(k) > 0) then
+      if (pairs%shape(k) == shape_features) then
+        call evaluate_features(pairs, k, mine)
+        call keep_normals(pairs, mine, k)
+      else if (pairs%shape(k) > 0) then
         call meet_shapes(pairs, shapes, mine, mine_shapes, k)
       else if (k <= pairs%grain_blocks) then
         call evaluate_pairs(mine)
@@ -81,11 +86,11 @@ contains
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    if (pairs%shape(k) > 0) then
+    if (pairs%shape(k) > 0 .and. pairs%shape(k) < shape_features) then
       call add_shape_curvatures(mine, mine_shapes, k <= pairs%grain_blocks)
       if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
         call narrow_shapes(mine, mine_shapes, k <= pairs%grain_blocks)
-    else if (.not. pairs%round(k)) then
+    else if (.not. (pairs%round(k) .or. pairs%shape(k) == shape_features)) then
       call add_curvatures(mine, k <= pairs%grain_blocks)
       if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
         call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
@@ -119,7 +124,7 @@ contains
   end subroutine apply_law
 
   !> Both bodies of block k; those of the next block are called for. Of spheres, and shapes as their
-  !! bounding spheres, no shapes.
+  !! bounding spheres, no shapes; of features the spheres that sweep them.
   subroutine gather_pair(pairs, k, next)
     type(dem_pairs_type), intent(in) :: pairs
     integer(i4), intent(in) :: k, next
@@ -127,7 +132,7 @@ contains
       if (pairs%round(k)) then
         call gather_spheres(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_spheres(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
-      else if (pairs%shape(k) > 0) then
+      else if (pairs%shape(k) > 0 .and. pairs%shape(k) < shape_features) then
         call gather_motions(pairs%body, a(:, k), a(:, next), pairs%past, mine%a)
         call gather_motions(pairs%body, b(:, k), b(:, next), pairs%past, mine%b)
       else

@@ -12,6 +12,9 @@ module dem_candidates
   use dem_shape_gap, only: find_shape_gap
   use dem_shape_state, only: shape_ellipsoid
   use dem_gap, only: solve_gap
+  use dem_feature_pairs, only: cannot_touch, of_features, find_feature_gap, meets_planes, &
+    bounding_records
+  use dem_feature_state, only: shape_features
   use dem_images, only: find_over_faces
   use dem_margin, only: spare_margins, pair_skin
   use dem_ellipsoid, only: matrix_times
@@ -23,7 +26,8 @@ module dem_candidates
 
   integer(i4), parameter :: bands = 4  !! of gaps, see band_of
   integer(i4), parameter :: most_materials = 1000
-  integer(i4), parameter :: geometries = 4  !! spheres, ellipsoids, two kinds of shapes
+  !> Spheres, ellipsoids, two kinds of shapes, features of polyhedra.
+  integer(i4), parameter :: geometries = 2 + shape_features
   integer(i4), parameter :: first_border_group = &
     geometries*bands*most_materials*(most_materials + 2)
   integer(i4), parameter :: first_rim_group = 2*first_border_group
@@ -72,6 +76,10 @@ contains
 
     if (is_periodic(cell)) then
       call find_over_faces(pairs, grains, cell, ghost_pairs, first, second, count)
+    else if (allocated(pairs%features)) then
+      call find_candidates(bounding_records(pairs, grains%radius), grains%radius, &
+                           spare_margins(pairs, grains%n), grains%kind, pairs%skin, ghost_pairs, &
+                           first, second, count)
     else
       call find_candidates(pairs%body, grains%radius, spare_margins(pairs, grains%n), &
                            grains%kind, pairs%skin, ghost_pairs, first, second, count)
@@ -168,6 +176,10 @@ contains
         return
       end if
     end if
+    if (cannot_touch(pairs, i, j)) then
+      list%gap(k) = huge(1.0_wp)
+      return
+    end if
     if (j > pairs%plain) j = pairs%former(j - pairs%plain)
     list%old(k) = 0
     if (j > 0) list%old(k) = slot_of(pairs, i, j)
@@ -183,7 +195,9 @@ contains
     end if
     geometry = geometry_of(pairs, grains, i, j)
     list%gap(k) = -1.0_wp
-    if (geometry > 1 .and. .not. contact) then
+    if (geometry > shape_features .and. .not. contact) then
+      call find_feature_gap(pairs, i, j, list%normal(:, k), list%gap(k))
+    else if (geometry > 1 .and. .not. contact) then
       call find_shape_gap(pairs%body(1:3, j) - pairs%body(1:3, i), grains%shapes%record(:, i), &
                          grains%shapes%record(:, pairs%grain(j)), skin, list%normal(:, k), &
                          list%gap(k))
@@ -218,13 +232,15 @@ contains
     band = count(gap >= ends*skin)
   end function band_of
 
-  !> Geometry of a pair of grains: 0 spheres, 1 ellipsoids, 1 + the greater kind of form.
+  !> Geometry of a pair of grains: 0 spheres, 1 ellipsoids, 1 + the greater kind of form, or
+  !! features of polyhedra.
   pure integer(i4) function geometry_of(pairs, grains, i, j) result(geometry)
     type(dem_pairs_type), intent(in) :: pairs
     type(dem_grains_type), intent(in) :: grains
     integer(i4), intent(in) :: i, j
     integer(i4) :: kind
     geometry = merge(1, 0, pairs%reach(i) > 0.0_wp .or. pairs%reach(j) > 0.0_wp)
+    if (of_features(pairs, i, j)) geometry = 1 + shape_features
     if (.not. grains%shapes%in_use) return
     kind = max(grains%shapes%kind(i), grains%shapes%kind(pairs%grain(j)))
     if (kind /= shape_ellipsoid) geometry = 1 + kind
@@ -273,7 +289,7 @@ contains
       normal = planes%normal(:, k)
       call mark_slots(pairs, body, .true., old)
       do j = 1, grains%n
-        if (.not. moved_by_forces(grains%kind(j))) cycle
+        if (.not. (moved_by_forces(grains%kind(j)) .and. meets_planes(pairs, j))) cycle
         gap = dot_product(pairs%body(1:3, j) - planes%point(:, k), normal)
         skin = pair_skin(pairs, body, j)
         if (gap - grains%radius(j) > skin) cycle

@@ -11,6 +11,7 @@ module dem_images
     body_size
   use dem_cell, only: reduced_basis, shift_of, is_periodic
   use dem_cells, only: find_candidates
+  use dem_feature_state, only: feature_edge
   use dem_make, only: sorted_order
   implicit none
   private
@@ -48,6 +49,7 @@ contains
     n = grains%n
     kind = grains%kind(folded%grain)
     where (moved_by_forces(kind)) kind = kind_free
+    if (allocated(pairs%features)) call bound_copies(pairs, grains%radius, folded)
     if (all(kind == kind_free)) kind(n + 1:) = kind_fixed  ! copies do not meet each other
     call find_candidates(folded%body, grains%radius(folded%grain), [(0.0_wp, k=1, size(kind))], &
                          kind, pairs%skin, ghost_pairs, a, b, found)
@@ -67,6 +69,18 @@ contains
     call sort_partners(first(:count), second(:count))
     call place_images(pairs, cell)
   end subroutine find_over_faces
+
+  !> Edges and faces of polyhedra are found as their bounding spheres.
+  pure subroutine bound_copies(pairs, radius, folded)
+    type(dem_pairs_type), intent(in) :: pairs
+    real(wp), intent(in) :: radius(:)  !! (grains) [m]
+    type(folded_type), intent(inout) :: folded
+    integer(i4) :: k
+    do k = 1, folded%count
+      if (pairs%features%kind(folded%grain(k)) >= feature_edge) &
+        folded%body(10:12, k) = radius(folded%grain(k))**2
+    end do
+  end subroutine bound_copies
 
   !> Fold all grains into the reduced cell and copy those within reach of its faces.
   subroutine fold(pairs, grains, cell, folded)

@@ -22,6 +22,7 @@ module dem_run_start
   use dem_deck_keys, only: dem_deck_table
   use dem_run_state, only: dem_run_state_type, program_name
   use dem_setup_clumps, only: refuse_clumps
+  use dem_setup_polyhedra, only: refuse_polyhedra
   use dem_setup_wear, only: read_wear
   use dem_setup_heat, only: read_heat, check_heat_step
   implicit none
@@ -111,6 +112,7 @@ contains
     call refuse_heat(self, errors)
     call refuse_clumps(self%deck, self%system%dem_data_type, self%served, &
                        int(self%ranks%ranks, i4), self%choices%adaptive, errors)
+    call refuse_polyhedra(self%deck, self%packing%clumps, self%system%dem_data_type, errors)
     call read_wear(self%deck, self%choices%wall, self%served, int(self%ranks%ranks, i4), &
                    self%system%dem_data_type, errors)
   end subroutine read_features

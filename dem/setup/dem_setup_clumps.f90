@@ -11,6 +11,8 @@ module dem_setup_clumps
   use dem_make, only: allocate_grains
   use dem_packing, only: dem_packing_type
   use dem_state, only: dem_data_type, dem_grains_type, kind_free, kind_member, body_size
+  use dem_polyhedron, only: polyhedron_type, mass_of_polyhedron
+  use dem_setup_polyhedra, only: read_polyhedra, make_features
   use dem_union, only: union_mass_type, mass_of_union, principal_frame
   implicit none
   private
@@ -98,7 +100,8 @@ contains
     integer(i4) :: k
 
     if (packed%n == 0) return
-    call weigh_templates(packed, mass)
+    call weigh_templates(packed, mass, path, errors)
+    if (errors%any()) return
     call allocate_clumps(packed, d)
     do k = 1, packed%n
       call find_members(packed, d, k, errors)
@@ -107,18 +110,25 @@ contains
     end do
     call ready_clumps(d%clumps, d%grains)
     call set_lightness(d%clumps)
+    call make_features(packed, d)
     do k = 1, packed%n
       call compare_members(d, packed%first(k), k, path, errors)
       call place_members(d%clumps, d%grains, body, k)
     end do
   end subroutine make_clumps
 
-  !> Mass properties of all templates, as given or of the union of their spheres.
-  subroutine weigh_templates(packed, mass)
+  !> Mass properties of all templates, as given, of the rounded polyhedron or of the union of their
+  !! spheres.
+  subroutine weigh_templates(packed, mass, path, errors)
     type(packed_clumps_type), intent(in) :: packed
     type(union_mass_type), allocatable, intent(out) :: mass(:)
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    type(polyhedron_type), allocatable :: shape(:)
     integer(i4) :: t, low, high
 
+    call read_polyhedra(packed, shape, path, errors)
+    if (errors%any()) return
     allocate (mass(size(packed%spheres)))
     high = 0
     do t = 1, size(packed%spheres)
@@ -128,6 +138,8 @@ contains
         mass(t)%volume = packed%volume(t)
         mass(t)%centre = packed%middle(:, t)
         mass(t)%inertia = packed%inertia(:, t)
+      else if (allocated(shape(t)%x)) then
+        mass(t) = mass_of_polyhedron(shape(t))
       else
         mass(t) = mass_of_union(packed%centre(:, low:high), packed%radius(low:high))
       end if

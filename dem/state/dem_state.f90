@@ -8,6 +8,7 @@ module dem_state
     history_root, history_point, column_count
   use dem_additional_state, only: dem_additional_type
   use dem_surface_state, only: dem_surfaces_type
+  use dem_feature_state, only: dem_features_type
   use dem_halo_state, only: dem_halo_type
   use dem_pore_state, only: dem_pore_type
   use dem_exact_state, only: dem_exact_type
@@ -151,6 +152,7 @@ module dem_state
     integer(i4), allocatable :: former(:)        !! (images) body in the list before, 0: none
     real(wp), allocatable :: image_force(:, :)   !! (3, images) at the last evaluation [N]
     type(dem_additional_type) :: additional              !! of the additional contact models
+    class(dem_features_type), allocatable :: features    !! of polyhedra; not there without them
   end type dem_pairs_type
 
   !> Periodic cell and the homogeneous flow that carries all grains. Velocities of grains are those
@@ -264,7 +266,8 @@ module dem_state
   end type dem_parts_type
 
   !> Clumps: rigid grains of several spheres. The spheres, their members, are grains of kind_member
-  !! with the mass of the clump; those of a clump follow each other.
+  !! with the mass of the clump; those of a clump follow each other. Rounded polyhedra are clumps
+  !! whose members are their vertices, edges and faces (dem_feature_state).
   type :: dem_clumps_type
     integer(i4) :: n = 0
     class(dem_grains_type), allocatable :: grains  !! centres of mass, principal frames, mass,

@@ -22,7 +22,8 @@ module dem_passages
   public :: find_passage, name_passage
 
   real(wp), parameter :: deep = 0.01_wp  !! a missed overlap of less is a graze, in least semi-axes
-  real(wp), parameter :: most_work = 2.0e8_wp  !! pairs that are looked at; of more one is assumed
+  real(wp), parameter :: most_work = 2.0e8_wp  !! pairs that are looked at; of more, and of
+                                             !! polyhedra, one is assumed
   integer(i4), parameter :: looks = 64   !! at a round body along a grain's way
 
 contains
@@ -38,7 +39,8 @@ contains
 
     d%health%passed = 0
     fast = fast_grains(d, h)
-    if (real(size(fast), wp)*(d%grains%n + d%surfaces%mesh%triangles) > most_work) then
+    if (size(fast) > 0 .and. (allocated(d%pairs%features) .or. real(size(fast), wp) &
+        *(d%grains%n + d%surfaces%mesh%triangles) > most_work)) then
       d%health%passed(1) = d%grains%id(fast(1))
     else
       do k = 1, size(fast)

@@ -19,6 +19,10 @@ module dem_clump_file
     integer(i4), allocatable :: spheres(:)       !! (templates) number of spheres
     real(wp), allocatable :: centre(:, :)        !! (3, spheres of all templates) [m]
     real(wp), allocatable :: radius(:)           !! (spheres of all templates) [m]
+    integer(i4), allocatable :: corners(:)       !! (spheres of all templates) 0: a sphere of a
+                                                 !! clump; of polyhedra 1: a vertex, 2: an edge,
+                                                 !! more: a face; not there without polyhedra
+    integer(i4), allocatable :: corner(:)        !! these corners, vertices of their template
     real(wp), allocatable :: volume(:)           !! (templates), if given [m^3]
     real(wp), allocatable :: middle(:, :)        !! (3, templates) centre of mass, if given [m]
     real(wp), allocatable :: inertia(:, :)       !! (6, templates) about it for density 1,
@@ -46,6 +50,10 @@ contains
     call file%get('/templates/spheres', clumps%spheres, errors)
     call file%get('/templates/centre', clumps%centre, errors)
     call file%get('/templates/radius', clumps%radius, errors)
+    if (file%exists('/templates/corners')) then
+      call file%get('/templates/corners', clumps%corners, errors)
+      call file%get('/templates/corner', clumps%corner, errors)
+    end if
     if (file%exists('/templates/volume')) then
       call file%get('/templates/volume', clumps%volume, errors)
       call file%get('/templates/middle', clumps%middle, errors)
@@ -61,6 +69,8 @@ contains
     if (errors%count > before) return
     clumps%n = size(clumps%first, kind=i4)
     call check_templates(clumps, file%path, errors)
+    if (errors%count == before .and. allocated(clumps%corners)) &
+      call check_corners(clumps, file%path, errors)
     if (errors%count == before) call check_clumps(clumps, file%path, errors)
   end subroutine read_clumps
 
@@ -92,6 +102,24 @@ contains
     if (len(what) > 0) call errors%add('I281', "'"//path//"' has "//what, path//':/templates', &
                                        'make the packing again')
   end subroutine check_templates
+
+  !> Sizes and values of corners (I284).
+  subroutine check_corners(c, path, errors)
+    type(packed_clumps_type), intent(in) :: c
+    character(len=*), intent(in) :: path
+    type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: what
+    what = ''
+    if (size(c%corners) /= size(c%radius)) then
+      what = str(size(c%corners))//' numbers of corners for '//str(size(c%radius))//' members'
+    else if (any(c%corners < 0) .or. sum(c%corners) /= size(c%corner)) then
+      what = str(size(c%corner))//' corners instead of '//str(sum(c%corners))
+    else if (any(c%corner < 1)) then
+      what = 'a corner that is no vertex'
+    end if
+    if (len(what) > 0) call errors%add('I284', "'"//path//"' has "//what, path//':/templates', &
+                                       'make the packing again')
+  end subroutine check_corners
 
   !> Sizes and values of clumps (I282).
   subroutine check_clumps(c, path, errors)
@@ -158,6 +186,10 @@ contains
     call file%put('/templates/spheres', clumps%spheres, errors)
     call file%put('/templates/centre', clumps%centre, errors)
     call file%put('/templates/radius', clumps%radius, errors)
+    if (allocated(clumps%corners)) then
+      call file%put('/templates/corners', clumps%corners, errors)
+      call file%put('/templates/corner', clumps%corner, errors)
+    end if
     if (.not. allocated(clumps%volume)) return
     call file%put('/templates/volume', clumps%volume, errors)
     call file%put('/templates/middle', clumps%middle, errors)

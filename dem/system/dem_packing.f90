@@ -1,7 +1,7 @@
-!> Packing files (HDF5, format 'talus-packing', version 1 to 3): read, check, write.
+!> Packing files (HDF5, format 'talus-packing', version 1 to 4): read, check, write.
 !!
 !! Version 2 has grains that are no ellipsoids: /grains/skew and /grains/exponent beside the axes;
-!! version 3 has clumps (dem_clump_file).
+!! version 3 has clumps (dem_clump_file), version 4 polyhedra among them.
 !! Faults of the file itself come from talus_hdf5; here I230 to I233: version,
 !! sizes, groups; those of contacts in dem_packed_contacts.
 !! What a grain may be is checked where grains are made (dem_make).
@@ -28,6 +28,7 @@ module dem_packing
   integer(i4), parameter :: format_version = 1  !! ellipsoids alone
   integer(i4), parameter :: shapes_version = 2   !! with skew and exponent
   integer(i4), parameter :: clumps_version = 3   !! with clumps
+  integer(i4), parameter :: polyhedra_version = 4  !! with polyhedra
 
   !> A named group of grains.
   type :: dem_group_type
@@ -104,9 +105,9 @@ contains
     version = 0
     call file%attr_get('/', 'version', version, errors)
     if (errors%count == before .and. (version < format_version .or. &
-                                    version > clumps_version)) then
+                                    version > polyhedra_version)) then
       call errors%add('I230', "'"//path//"' is a packing of version "//str(version)//', '// &
-                      str(format_version)//' to '//str(clumps_version)//' are read', path, &
+                      str(format_version)//' to '//str(polyhedra_version)//' are read', path, &
                       "make it again with the 'talus pack' of this version")
     end if
     if (errors%count == before) then
@@ -244,10 +245,13 @@ contains
   end subroutine put_shapes
 
   !> Least version of the format that has all that the grains are.
-  pure integer(i4) function version_of(grains) result(version)
+  pure integer(i4) function version_of(grains, besides) result(version)
     type(dem_grains_type), intent(in) :: grains
+    type(packed_besides_type), intent(in), optional :: besides
     version = merge(shapes_version, format_version, grains%shapes%in_use)
     if (allocated(grains%clump)) version = clumps_version
+    if (.not. present(besides)) return
+    if (allocated(besides%templates%corners)) version = polyhedra_version
   end function version_of
 
   !> Write the present state of grains as a packing; ghosts are written as fixed.
@@ -268,7 +272,7 @@ contains
     before = errors%count
     call file%create(path, errors, format=format_name)
     if (errors%count > before) return
-    call file%attr_put('/', 'version', version_of(grains), errors)
+    call file%attr_put('/', 'version', version_of(grains, besides), errors)
     call file%group('/grains', errors)
     call file%put('/grains/id', grains%id, errors)
     call file%put('/grains/kind', merge(1_i4, min(merge(kind_free, grains%kind, &

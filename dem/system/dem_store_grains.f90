@@ -198,7 +198,8 @@ contains
       call take_row(archive, 'grains.mass', g%mass, errors)
     end associate
     call check_grains(d%grains, archive, errors)
-    if (.not. d%grains%shapes%in_use) d%grains%radius = maxval(d%grains%axes, dim=1)
+    if (.not. (d%grains%shapes%in_use .or. allocated(d%pairs%features))) &
+      d%grains%radius = maxval(d%grains%axes, dim=1)
     d%grains%has_target = .false.
     call take(archive, 'planes.point', d%planes%point, errors)
     call take(archive, 'planes.velocity', d%planes%velocity, errors)

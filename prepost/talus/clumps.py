@@ -11,6 +11,7 @@ import numpy as np
 
 from talus.faults import FaultError
 from talus.forms import table_rows
+from talus.polyhedron_mass import Hull, mass_of_rounded, normal_of
 
 ROW = "x y z radius of a sphere [m]; a line 'template WEIGHT' begins another template"
 COLUMNS = 400  # across the longer side, of the integral over a template
@@ -26,6 +27,7 @@ class Template:
     volume: float | None = None
     middle: np.ndarray | None = None  # centre of mass (3) [m]
     inertia: np.ndarray | None = None  # about it, density 1 (3, 3) [m5]
+    corners: list[np.ndarray] | None = None  # of a polyhedron: vertices of its members, from 0
 
 
 @dataclass
@@ -112,9 +114,21 @@ def mass_of(centre: np.ndarray, radius: np.ndarray) -> tuple[float, np.ndarray, 
 
 def weighed(template: Template) -> tuple[float, np.ndarray, np.ndarray]:
     """Volume, centre of mass and inertia of a template, as given or of its spheres."""
-    if template.volume is None:
-        return mass_of(template.centre, template.radius)
-    return template.volume, template.middle, template.inertia
+    if template.volume is not None:
+        return template.volume, template.middle, template.inertia
+    if template.corners is not None:
+        return mass_of_rounded(*core_of(template))
+    return mass_of(template.centre, template.radius)
+
+
+def core_of(template: Template) -> tuple[Hull, float]:
+    """Return the core of a polyhedron, and the radius of its edges [m]."""
+    vertices = sum(len(part) == 1 for part in template.corners)
+    faces = [part for part in template.corners if len(part) > 2]
+    x = template.centre[:vertices]
+    normal = np.array([normal_of(x[part]) for part in faces])
+    return Hull(x, faces, normal), float(template.radius[0])
+
 
 
 def read_templates(path: Path) -> list[Template]:
@@ -184,6 +198,11 @@ def put_clumps(file: object, clumps: Clumps) -> None:
     templates["spheres"] = np.array([len(t.radius) for t in every], np.int32)
     templates["centre"] = np.concatenate([t.centre for t in every])
     templates["radius"] = np.concatenate([t.radius for t in every])
+    if any(t.corners is not None for t in every):
+        none = np.empty(0, int)
+        parts = [p for t in every for p in t.corners or [none] * len(t.radius)]
+        templates["corners"] = np.array([len(part) for part in parts], np.int32)
+        templates["corner"] = np.concatenate(parts).astype(np.int32) + np.int32(1)
     if any(t.volume is not None for t in every):
         volume, middle, inertia = zip(*(weighed(t) for t in every), strict=True)
         templates["volume"] = np.array(volume)
@@ -206,6 +225,13 @@ def clumps_of(templates: dict[str, np.ndarray], clumps: dict[str, np.ndarray]) -
             np.split(templates["centre"], ends), np.split(templates["radius"], ends), strict=True
         )
     ]
+    if "corners" in templates:
+        parts = np.split(templates["corner"] - 1, np.cumsum(templates["corners"])[:-1])
+        low = 0
+        for template in found:
+            own = parts[low : low + len(template.radius)]
+            low += len(template.radius)
+            template.corners = own if any(map(len, own)) else None
     if "volume" in templates:
         for k, template in enumerate(found):
             xx, yy, zz, xy, yz, zx = templates["inertia"][k]

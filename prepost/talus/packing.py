@@ -206,11 +206,18 @@ def make_packing(
     )
 
 
+def version_of(packing: Packing) -> int:
+    """Return the least version of the format that holds the packing."""
+    if packing.clumps is None:
+        return 2 if packing.formed else 1
+    return 4 if any(t.corners is not None for t in packing.clumps.templates) else 3
+
+
 def write_h5(path: Path, packing: Packing) -> None:
     """Write packing.h5 (to a temporary name, then renamed)."""
     with replaced(path) as temporary, created(temporary) as file:
         file.attrs["format"] = np.bytes_("talus-packing")
-        file.attrs["version"] = np.int32(3 if packing.clumps else 2 if packing.formed else 1)
+        file.attrs["version"] = np.int32(version_of(packing))
         grains = file.create_group("grains")
         grains["id"] = packing.id.astype(np.int64)
         grains["kind"] = packing.kind.astype(np.int32)

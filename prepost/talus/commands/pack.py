@@ -49,6 +49,15 @@ def register(commands: argparse._SubParsersAction) -> None:
         "--clumps", type=Path, metavar="FILE",
         help="templates of clumps of spheres in place of --axes, see talus pack clump",
     )  # fmt: skip
+    new.add_argument(
+        "--polyhedra", nargs="+", metavar="BODY",
+        help="convex polyhedra with rounded edges in place of --axes: cube:EDGE [m], tetrahedron:, "
+        "octahedron:, dodecahedron:EDGE, brick:AxBxC, or the hull of an STL or OBJ file",
+    )
+    new.add_argument(
+        "--rounding", type=positive, default=0.1, metavar="R",
+        help="radius of edges over that of the sphere of the body's volume",
+    )  # fmt: skip
     pack_clump.register(
         sub_command(pack, "clump", pack_clump.clump, "spheres that fill a body, as a template")
     )
@@ -124,6 +133,9 @@ def lattice(options: argparse.Namespace) -> int:
 
 def cloud(options: argparse.Namespace) -> int:
     """Make a random cloud."""
+    if options.polyhedra is not None:
+        made = pack_clump.cloud_of_polyhedra(options)
+        return finish(options, made, facts={"polyhedra": len(made.clumps.first)})
     if options.clumps is not None:
         made = pack_clump.cloud_of_clumps(options)
         return finish(options, made, facts={"clumps": len(made.clumps.first)})

@@ -13,6 +13,7 @@ from talus.commands.pack_cloud import plain, print_facts
 from talus.faults import FaultError
 from talus.files import write_text_file
 from talus.packing import Packing, make_packing
+from talus.polyhedra import named_points, rounded
 from talus.progress import watch
 from talus.sphere_fill import fidelity, fill, mass_of_body, read_body
 
@@ -59,13 +60,25 @@ def clump(options: argparse.Namespace) -> int:
     return 0
 
 
+def cloud_of_polyhedra(options: argparse.Namespace) -> Packing:
+    """Return a random cloud of rounded polyhedra whose bounding spheres do not overlap."""
+    bodies = [rounded(named_points(word), options.rounding) for word in options.polyhedra]
+    return cloud_of_templates(options, bodies, "polyhedra")
+
+
 def cloud_of_clumps(options: argparse.Namespace) -> Packing:
     """Return a random cloud of clumps whose bounding spheres do not overlap."""
+    return cloud_of_templates(options, read_templates(options.clumps), "clumps")
+
+
+def cloud_of_templates(
+    options: argparse.Namespace, templates: list[Template], word: str
+) -> Packing:
+    """Return a cloud of bodies of some templates, drawn by weight; `word`: the option."""
     for name in ("axes", "shapes", "gradation", "sieves", "distribution"):
         if getattr(options, name) is not None:
-            text = f"--clumps has sizes of its own, no --{name}"
+            text = f"--{word} has sizes of its own, no --{name}"
             raise FaultError("E507", text, "--spread varies them")
-    templates = read_templates(options.clumps)
     rng = np.random.default_rng(options.seed + 2)
     weight = np.array([t.weight for t in templates])
     kind = rng.choice(len(templates), size=options.count, p=weight / weight.sum())
