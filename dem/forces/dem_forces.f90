@@ -86,21 +86,28 @@ contains
       pairs%columns(:, k) = 0.0_wp
       return
     end if
-    if (pairs%shape(k) > 0 .and. pairs%shape(k) < shape_features) then
-      call add_shape_curvatures(mine, mine_shapes, k <= pairs%grain_blocks)
-      if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
-        call narrow_shapes(mine, mine_shapes, k <= pairs%grain_blocks)
-    else if (.not. (pairs%round(k) .or. pairs%shape(k) == shape_features)) then
-      call add_curvatures(mine, k <= pairs%grain_blocks)
-      if (laws(pairs%law_first(k), pairs%law_second(k))%elliptic) &
-        call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
-    end if
+    if (.not. (pairs%round(k) .or. pairs%shape(k) == shape_features)) call curve_block(pairs, k, &
+      laws(pairs%law_first(k), pairs%law_second(k))%elliptic)
     call apply_law(pairs, laws(pairs%law_first(k), pairs%law_second(k)), k, h)
     pairs%touched(k) = contact
     if (pairs%additional%active) call additional_forces(mine, laws(pairs%law_first(k), &
                                                           pairs%law_second(k)), k, h, pairs)
     call put_loads(mine%load, pairs%past, pairs%result(:, (k - 1)*lanes + 1:k*lanes))
   end subroutine block_forces
+
+  !> Mean curvatures of a block of ellipsoids or shapes, for areas that are elliptic or not.
+  subroutine curve_block(pairs, k, elliptic)
+    type(dem_pairs_type), intent(in) :: pairs
+    integer(i4), intent(in) :: k
+    logical, intent(in) :: elliptic
+    if (pairs%shape(k) > 0) then
+      call add_shape_curvatures(mine, mine_shapes, k <= pairs%grain_blocks)
+      if (elliptic) call narrow_shapes(mine, mine_shapes, k <= pairs%grain_blocks)
+    else
+      call add_curvatures(mine, k <= pairs%grain_blocks)
+      if (elliptic) call narrow_ellipsoids(mine, k <= pairs%grain_blocks)
+    end if
+  end subroutine curve_block
 
   !> Forces of the base law of block k.
   subroutine apply_law(pairs, law, k, h)

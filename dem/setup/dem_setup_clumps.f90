@@ -73,19 +73,22 @@ contains
     logical, intent(in) :: served, adaptive
     integer(i4), intent(in) :: ranks
     type(error_list_type), intent(inout) :: errors
+    character(len=:), allocatable :: bodies
     integer :: k
 
     if (d%clumps%n == 0) return
+    bodies = 'clumps'
+    if (allocated(d%pairs%features)) bodies = 'polyhedra'
     do k = 1, size(others)
       if (deck%count(trim(others(k))) > 0) call deck%fault(errors, 'D395', &
-        'clumps of spheres do not go with &'//trim(others(k)), trim(others(k)), 1, '', &
-        'leave the group out, or take a packing without clumps')
+        bodies//' do not go with &'//trim(others(k)), trim(others(k)), 1, '', &
+        'leave the group out, or take a packing without '//bodies)
     end do
-    if (adaptive) call deck%fault(errors, 'D395', 'clumps do not go with adaptive damping', &
-                                  'relaxation', 1, 'damping', 'give a damping')
-    if (served) call deck%fault(errors, 'D396', 'clumps are not carried under a partner', &
+    if (adaptive) call deck%fault(errors, 'D395', bodies//' do not go with adaptive '// &
+                                  'damping', 'relaxation', 1, 'damping', 'give a damping')
+    if (served) call deck%fault(errors, 'D396', bodies//' are not carried under a partner', &
                                 'particles', 1, 'file', 'run talus-dem alone')
-    if (ranks > 1) call deck%fault(errors, 'D397', 'clumps are moved on one rank', 'particles', &
+    if (ranks > 1) call deck%fault(errors, 'D397', bodies//' are moved on one rank', 'particles', &
                                    1, 'file', 'run with threads')
   end subroutine refuse_clumps
 

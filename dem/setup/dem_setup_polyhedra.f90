@@ -70,7 +70,7 @@ contains
     what = 'a corner that is no vertex'
     if (any(p%corner > vertices)) return
     call judge_polyhedron(p, what)
-    if (len(what) == 0 .and. size(p%edge, 2) /= edges) what = 'edges that are not those of its faces'
+    if (len(what) == 0 .and. size(p%edge, 2) /= edges) what = 'edges that its faces do not have'
   end subroutine read_polyhedron
 
   !> Features of all members; edges and faces bound their corners, and are as light as these.
@@ -139,7 +139,7 @@ contains
 
     if (.not. allocated(d%pairs%features)) return
     if (d%surfaces%n > 0) call deck%fault(errors, 'D382', 'polyhedra meet grains and walls, '// &
-      'not surfaces', 'particles', 1, 'file', 'make the surface of walls, or take clumps of spheres')
+      'not surfaces', 'particles', 1, 'file', 'make it of walls, or take clumps of spheres')
     do i = 1, d%grains%n
       if (maxval(d%grains%axes(:, i)) <= minval(d%grains%axes(:, i))) cycle
       call deck%fault(errors, 'D383', 'grain '//str(d%grains%id(i))//' is no sphere: '// &
@@ -152,8 +152,8 @@ contains
       if (word /= 'none') call deck%fault(errors, 'D385', 'polyhedra have no cohesion', 'contact', &
         k, 'cohesion', "leave it out: each feature would have a force of its own")
       call deck%get('contact', k, 'contact_area', word)
-      if (word == 'ellipse') call deck%fault(errors, 'D386', 'contacts of polyhedra have circular '// &
-        'areas', 'contact', k, 'contact_area', "leave it out")
+      if (word == 'ellipse') call deck%fault(errors, 'D386', 'contacts of polyhedra have '// &
+        'circular areas', 'contact', k, 'contact_area', 'leave it out')
     end do
     call check_cores(deck, packed, d, errors)
   end subroutine refuse_polyhedra
@@ -253,6 +253,7 @@ contains
     if (.not. is_periodic(cell)) then
       allocate (body(16, n), source=0.0_wp)
       body(1:3, :) = x
+      body(10:12, :) = spread(radius**2, 1, 3)
       call find_candidates(body, max(radius, tiny(1.0_wp)), zero, kind, tiny(1.0_wp), .false., &
                            first, second, count)
       return

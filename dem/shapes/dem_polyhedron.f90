@@ -26,7 +26,7 @@ module dem_polyhedron
 
 contains
 
-  !> Normals and edges; `what` says why faces are not those of a convex polyhedron, else it is empty.
+  !> Normals and edges; `what` says why these are no faces of a convex polyhedron, or is empty.
   pure subroutine judge_polyhedron(p, what)
     type(polyhedron_type), intent(inout) :: p
     character(len=:), allocatable, intent(out) :: what

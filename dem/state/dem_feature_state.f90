@@ -1,4 +1,4 @@
-!> Features of rounded polyhedra: the members of a polyhedron are its vertices, edges and faces, each
+!> Features of rounded polyhedra. Members of a polyhedron are its vertices, edges and faces, each
 !! swept by a sphere of one radius. Corners of edges and faces are members, too: their vertices.
 !! eq. D.92
 module dem_feature_state

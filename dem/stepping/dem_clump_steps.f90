@@ -7,6 +7,7 @@ module dem_clump_steps
   use talus_kinds, only: wp, i4, i8
   use dem_carry, only: slow_down, sum_images, lead
   use dem_clumps, only: place_members, move_members, add_load
+  use dem_feature_pairs, only: meets_planes
   use dem_images, only: place_image
   use dem_integrate, only: motion_type, kick_block, drift_block, work_count
   use dem_integration_block, only: integration_block_type, block_state_type, load_block, &
@@ -102,9 +103,12 @@ contains
     integer(i4) :: i, k
 
     do i = d%clumps%first(clump), d%clumps%last(clump)
+      if (.not. meets_planes(d%pairs, i)) exit  ! edges and faces go no further than vertices
       x0 = d%pairs%reference_x(:, i)
       if (d%cell%active) x0 = d%cell%origin + matmul(d%cell%deform, x0 - d%cell%origin)
       travel = larger(travel, norm2(d%grains%x(:, i) - x0))
+    end do
+    do i = d%clumps%first(clump), d%clumps%last(clump)
       if (d%pairs%images == 0) cycle
       do k = d%pairs%image_start(i), d%pairs%image_start(i + 1) - 1
         call place_image(d%pairs, d%cell, k)

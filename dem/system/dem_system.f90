@@ -119,7 +119,8 @@ contains
     call make_planes(self%planes, none, none, none, no_material)
   end subroutine no_planes
 
-  !> Margin of the list: as given, or a tenth of the mean least semi-axis of the grains that move.
+  !> Margin of the list: as given, or a tenth of the mean least semi-axis of the grains that move,
+  !! with polyhedra of the mean radius of spheres about them and features.
   pure real(wp) function first_skin(self) result(skin)
     class(dem_system_type), intent(in) :: self
     integer(i4) :: i, n
@@ -131,7 +132,11 @@ contains
     do i = 1, self%grains%n
       if (.not. moved_by_forces(self%grains%kind(i))) cycle
       n = n + 1
-      skin = skin + minval(self%grains%axes(:, i))
+      if (allocated(self%pairs%features)) then
+        skin = skin + self%grains%radius(i)
+      else
+        skin = skin + minval(self%grains%axes(:, i))
+      end if
     end do
     if (n > 0) then
       skin = part*skin/n
