@@ -130,7 +130,6 @@ def core_of(template: Template) -> tuple[Hull, float]:
     return Hull(x, faces, normal), float(template.radius[0])
 
 
-
 def read_templates(path: Path) -> list[Template]:
     """Read a file of templates: rows x y z radius, lines 'template WEIGHT' between templates.
 

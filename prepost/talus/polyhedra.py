@@ -62,9 +62,13 @@ def joined(points: np.ndarray, triangles: np.ndarray, normal: np.ndarray, off: f
     heights = np.einsum("fi,fi->f", normal, points[triangles[:, 0]])
     while left:
         k = max(left, key=lambda j: area_of(points[triangles[j]]))
-        near = [j for j in left if np.ptp(points[triangles[j]] @ normal[k] - heights[k]) <= 4 * off
-                and normal[j] @ normal[k] > 0.5 and abs(points[triangles[j][0]] @ normal[k]
-                                                        - heights[k]) <= 4 * off]  # fmt: skip
+        near = [
+            j
+            for j in left
+            if np.ptp(points[triangles[j]] @ normal[k] - heights[k]) <= 4 * off
+            and normal[j] @ normal[k] > 0.5
+            and abs(points[triangles[j][0]] @ normal[k] - heights[k]) <= 4 * off
+        ]
         rims = {(int(t[i]), int(t[i - 2])) for t in triangles[near] for i in range(3)}
         after = {p: q for p, q in rims if (q, p) not in rims}
         face = [min(after)]
@@ -104,8 +108,9 @@ def volume_of(hull: Hull) -> float:
 
 def middle_of(hull: Hull, margin: float) -> np.ndarray:
     """Return a point further than the margin from all faces; none is a fault (E684)."""
-    heights = np.array([hull.x[face[0]] @ n for face, n in zip(hull.faces, hull.normal,
-                                                                strict=True)])  # fmt: skip
+    heights = np.array(
+        [hull.x[face[0]] @ n for face, n in zip(hull.faces, hull.normal, strict=True)]
+    )
     point = hull.x.mean(axis=0)
     step = 0.5 * np.ptp(hull.x, axis=0).max()
     for _ in range(PUSHES):
@@ -117,18 +122,21 @@ def middle_of(hull: Hull, margin: float) -> np.ndarray:
             point = trial
         else:
             step *= 0.8
-    raise FaultError("E684", f"a body is too thin for the radius {margin:.3g} m of its edges",
-                     "less --rounding")  # fmt: skip
+    raise FaultError(
+        "E684", f"a body is too thin for the radius {margin:.3g} m of its edges", "less --rounding"
+    )
 
 
 def shrunk(hull: Hull, margin: float) -> Hull:
     """Return the points of a hull that are further than the margin [m] inside all faces."""
     middle = middle_of(hull, margin)
-    depth = np.array([(hull.x[face[0]] - middle) @ n for face, n in zip(hull.faces, hull.normal,
-                                                                         strict=True)])  # fmt: skip
+    depth = np.array(
+        [(hull.x[face[0]] - middle) @ n for face, n in zip(hull.faces, hull.normal, strict=True)]
+    )
     dual = hull_of(hull.normal / (depth - margin)[:, None])
-    heights = np.array([dual.x[face[0]] @ n for face, n in zip(dual.faces, dual.normal,
-                                                                strict=True)])  # fmt: skip
+    heights = np.array(
+        [dual.x[face[0]] @ n for face, n in zip(dual.faces, dual.normal, strict=True)]
+    )
     return hull_of(middle + dual.normal / heights[:, None])
 
 

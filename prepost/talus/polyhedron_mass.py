@@ -62,8 +62,12 @@ def plates(core: Hull, radius: float) -> list[Sums]:
         top = radius * normal
         for p, q in zip(face[1:-1], face[2:], strict=True):
             a, b, c = core.x[[face[0], p, q]]
-            rows = [[0 * a, a, b, c], [a, b, c, a + top], [b, c, a + top, b + top],
-                    [c, a + top, b + top, c + top]]  # fmt: skip
+            rows = [
+                [0 * a, a, b, c],
+                [a, b, c, a + top],
+                [b, c, a + top, b + top],
+                [c, a + top, b + top, c + top],
+            ]
             found += [tetrahedron(np.array(row)) for row in rows]
     return found
 
@@ -71,8 +75,11 @@ def plates(core: Hull, radius: float) -> list[Sums]:
 def about(point: np.ndarray, volume: float, first: np.ndarray, second: np.ndarray) -> Sums:
     """Return integrals about the origin of what has these about a point."""
     cross = np.outer(point, first)
-    return (volume, first + volume * point,
-            second + cross + cross.T + volume * np.outer(point, point))  # fmt: skip
+    return (
+        volume,
+        first + volume * point,
+        second + cross + cross.T + volume * np.outer(point, point),
+    )
 
 
 def sectors(core: Hull, r: float) -> list[Sums]:
@@ -86,9 +93,16 @@ def sectors(core: Hull, r: float) -> list[Sums]:
         length = np.linalg.norm(along)
         along = along / length
         across = np.cross(along, middle)
-        tensor = length * r**4 / 8.0 * ((turn + np.sin(turn)) * np.outer(middle, middle)
-                                        + (turn - np.sin(turn)) * np.outer(across, across))
-        tensor += length**3 * r**2 * turn / 24.0 * np.outer(along, along)  # fmt: skip
+        tensor = (
+            length
+            * r**4
+            / 8.0
+            * (
+                (turn + np.sin(turn)) * np.outer(middle, middle)
+                + (turn - np.sin(turn)) * np.outer(across, across)
+            )
+        )
+        tensor += length**3 * r**2 * turn / 24.0 * np.outer(along, along)
         push = 2.0 / 3.0 * length * r**3 * np.sin(0.5 * turn) * middle
         found.append(about(0.5 * (core.x[a] + core.x[b]), length * r**2 * turn / 2.0, push, tensor))
         for end, away in ((a, along), (b, -along)):
@@ -100,6 +114,7 @@ def sectors(core: Hull, r: float) -> list[Sums]:
             angle[here] -= np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q)
     for v in range(k):
         tensor = 0.5 * (second[v] + second[v].T) + angle[v] / 3.0 * np.eye(3)
-        found.append(about(core.x[v], r**3 / 3.0 * angle[v], r**4 / 4.0 * first[v],
-                           r**5 / 5.0 * tensor))  # fmt: skip
+        found.append(
+            about(core.x[v], r**3 / 3.0 * angle[v], r**4 / 4.0 * first[v], r**5 / 5.0 * tensor)
+        )
     return found

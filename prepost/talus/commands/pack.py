@@ -50,7 +50,9 @@ def register(commands: argparse._SubParsersAction) -> None:
         help="templates of clumps of spheres in place of --axes, see talus pack clump",
     )  # fmt: skip
     new.add_argument(
-        "--polyhedra", nargs="+", metavar="BODY",
+        "--polyhedra",
+        nargs="+",
+        metavar="BODY",
         help="convex polyhedra with rounded edges in place of --axes: cube:EDGE [m], tetrahedron:, "
         "octahedron:, dodecahedron:EDGE, brick:AxBxC, or the hull of an STL or OBJ file",
     )
