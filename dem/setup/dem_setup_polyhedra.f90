@@ -18,7 +18,8 @@ module dem_setup_polyhedra
 
 contains
 
-  !> Polyhedra of all templates; those of templates of spheres have no vertices. Faults I285.
+  !> Polyhedra of all templates; templates of spheres have none, nor has a vertex alone, which is a
+  !! sphere. Faults I285.
   subroutine read_polyhedra(packed, shape, path, errors)
     type(packed_clumps_type), intent(in) :: packed
     type(polyhedron_type), allocatable, intent(out) :: shape(:)
@@ -33,7 +34,7 @@ contains
     do t = 1, size(packed%spheres, kind=i4)
       associate (corners => packed%corners(low + 1:low + packed%spheres(t)))
         what = ''
-        if (any(corners > 0)) call read_polyhedron(packed, low, t, shape(t), what)
+        if (any(corners > 0) .and. size(corners) > 1) call read_polyhedron(packed, low, t, shape(t), what)
         if (len(what) > 0) call errors%add('I285', "'"//path//"' has a template, number "// &
           str(t)//', with '//what, path//':/templates', 'make the packing again')
       end associate
@@ -90,7 +91,8 @@ contains
           count = packed%corners(low + m)
           i = d%clumps%first(k) + m - 1
           f%start(i + 1) = count
-          if (count > 0) f%kind(i) = min(feature_vertex + count - 1, feature_face)
+          if (count == 0 .or. packed%spheres(packed%template(k)) == 1) cycle  ! a sphere
+          f%kind(i) = min(feature_vertex + count - 1, feature_face)
         end do
       end do
       f%start(1) = 1

@@ -132,7 +132,7 @@ def cut(case: Case, seed: int, depth: float) -> dict:
     push = -rows["force_x"] * np.sin(RAKE) - rows["force_z"] * np.cos(RAKE)
     drag = rows["force_x"] * -np.cos(RAKE) + rows["force_z"] * np.sin(RAKE)
     chosen = (way >= WAY[0]) & (way <= WAY[1])
-    solid = ((bed.x[:, 2] > 0.03) & (bed.x[:, 2] < LEVEL - 0.03))
+    solid = (bed.x[:, 2] > 0.03) & (bed.x[:, 2] < LEVEL - 0.03)
     volume = LENGTH * WIDTH * (LEVEL - 0.06)
     fraction = 4.0 / 3.0 * np.pi * float((radius[solid] ** 3).sum()) / volume
     energy = read_history(case.folder / f"{name}_energy.csv")

@@ -125,9 +125,7 @@ def pairs(case: Case, ax: object) -> None:
     ax.legend(title="+ Young and Laplace")
 
 
-def tabled(
-    case: Case, title: str, name: str, bridge: Bridge, places: tuple, pulls: tuple
-) -> None:
+def tabled(case: Case, title: str, name: str, bridge: Bridge, places: tuple, pulls: tuple) -> None:
     """Judge pulls of the table against profiles of Young and Laplace, and its energies."""
     ball = [RADIUS] * 3
     gap, pull, rows, ledger = moved(case, f"{name}_table", bridge, [ball, ball], steps=20000,

@@ -2,6 +2,7 @@
 
 import numpy as np
 import same_bits
+from rigid_bodies import UPRIGHT, spin_rates, turned
 from triangle_nets import net, write_stl
 
 from talus.clumps import Template, mass_of, rotation
@@ -11,7 +12,6 @@ from talus.verification import Case, field_steps, read_history
 
 RADIUS, DENSITY = 1.0e-3, 2500.0
 APART = 1.2e-3  # of the spheres of the dumbbell [m]
-UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 FACE = "&surface id = 'w', file = 'face.stl', material = 'glass' /\n"
 FLOOR = "&wall id = 'w', point = 0, 0, 0, normal = 0, 0, 1, material = 'glass' /\n"
 STEP = "&dynamics dt = {!r}, allow_unstable = .true. /\n"
@@ -24,12 +24,6 @@ TRIPLE = Template(
 def dumbbell(apart: float = APART) -> Template:
     """Return two spheres along x."""
     return Template(np.array([[-0.5, 0, 0], [0.5, 0, 0]]) * apart, np.full(2, RADIUS))
-
-
-def turned(axis: list[float], angle: float) -> np.ndarray:
-    """Quaternion of a turn."""
-    n = np.array(axis) / np.linalg.norm(axis)
-    return np.array([np.cos(0.5 * angle), *(np.sin(0.5 * angle) * n)])
 
 
 def lens(apart: float) -> tuple[float, float, float]:
@@ -146,22 +140,9 @@ def flight(case: Case, name: str, step: float) -> list:
     return run_deck(case, name, STEP.format(step), END=0.2, EVERY=0.02)
 
 
-def spin_rates(inertia: np.ndarray, start: np.ndarray, end: float, count: int) -> np.ndarray:
-    """Spin in principal axes after Euler's equations (Runge and Kutta, `count` steps)."""
-    def rate(w: np.ndarray) -> np.ndarray:
-        return -np.cross(w, inertia * w) / inertia
-
-    w, h = start.copy(), end / count
-    for _ in range(count):
-        a = rate(w)
-        b = rate(w + 0.5 * h * a)
-        c = rate(w + 0.5 * h * b)
-        w = w + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(w + h * c))
-    return w
-
-
 def judge_flight(case: Case) -> None:
     """Judge angular momentum, energy, Euler's equations and the path of the centre."""
+
     def momentum(c: dict) -> np.ndarray:
         r = rotation(c["principal"][0])
         return r @ (c["inertia"][0] * (r.T @ c["omega"][0]))
