@@ -13,6 +13,7 @@ module dem_fields
   use dem_measure, only: coordination_of
   use dem_packing, only: put_shapes
   use dem_slabs, only: dem_slab_type, slab_grains
+  use dem_feature_state, only: feature_vertex
   use dem_state, only: dem_grains_type, kind_free, kind_member
   use dem_wear_output, only: put_wear
   implicit none
@@ -167,12 +168,14 @@ contains
     call file%put(group//'/moment', g%moment, errors)
   end subroutine put_grains
 
-  !> Clumps: centre of mass, orientation of the template, motion and loads.
+  !> Clumps: centre of mass, orientation of the template, motion and loads; of polyhedra how many
+  !! rows of grains are theirs, and how many of these, the first ones, vertices.
   subroutine put_moving_clumps(file, group, system, errors)
     type(h5_file_type), intent(inout) :: file
     character(len=*), intent(in) :: group
     type(dem_system_type), intent(in) :: system
     type(error_list_type), intent(inout) :: errors
+    integer(i4) :: k
     associate (g => system%clumps%grains)
       call file%group(group, errors)
       call file%put(group//'/first', g%id, errors)
@@ -185,6 +188,12 @@ contains
       call file%put(group//'/omega', g%omega, errors)
       call file%put(group//'/force', g%force, errors)
       call file%put(group//'/moment', g%moment, errors)
+    end associate
+    if (.not. allocated(system%pairs%features)) return
+    associate (c => system%clumps)
+      call file%put(group//'/members', c%last - c%first + 1_i4, errors)
+      call file%put(group//'/vertices', [(count(system%pairs%features%kind(c%first(k):c%last(k)) &
+                                          == feature_vertex, kind=i4), k=1, c%n)], errors)
     end associate
   end subroutine put_moving_clumps
 

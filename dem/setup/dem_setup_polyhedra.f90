@@ -34,7 +34,8 @@ contains
     do t = 1, size(packed%spheres, kind=i4)
       associate (corners => packed%corners(low + 1:low + packed%spheres(t)))
         what = ''
-        if (any(corners > 0) .and. size(corners) > 1) call read_polyhedron(packed, low, t, shape(t), what)
+        if (any(corners > 0) .and. size(corners) > 1) &
+          call read_polyhedron(packed, low, t, shape(t), what)
         if (len(what) > 0) call errors%add('I285', "'"//path//"' has a template, number "// &
           str(t)//', with '//what, path//':/templates', 'make the packing again')
       end associate

@@ -25,6 +25,7 @@ from talus.packing import (
     packing_of,
     read_packing,
 )
+from talus.polyhedron_view import mark_vertices, rounded_points, without_features
 
 ALWAYS = ("id", "kind", "x", "quat", "axes")  # datasets of every step of grains
 STRESSES = ("stress", "couple_stress", "micro_stress")
@@ -187,6 +188,8 @@ class FieldFile:
                     raise KeyError(f"grains/{odd[0]} has another number of rows than grains/id")
                 order = np.argsort(grains["id"], kind="stable")
                 found.grains = {name: data[order] for name, data in grains.items()}
+                if "clumps" in group:
+                    mark_vertices(found.grains, all_numbers(group["clumps"]))
             if "surfaces" in group:
                 found.surfaces = all_numbers(group["surfaces"])
                 missing = [name for name in ("x", "triangles") if name not in found.surfaces]
@@ -313,15 +316,19 @@ def vtu_of_surfaces(snapshot: Snapshot) -> object:
     """Return the surfaces of the grains, of any form, as triangles; their fields are of cells."""
     import meshio
 
-    grains = snapshot.grains
-    if not {"quat", "axes"} <= grains.keys():
+    if not {"quat", "axes"} <= snapshot.grains.keys():
         raise FaultError("E543", "the field file holds no shapes of grains")
+    grains = without_features(snapshot.grains)
     n = len(grains["x"])
     skew = grains.get("skew", np.zeros((n, 3)))
     exponent = grains.get("exponent", np.full(n, LEAST_EXPONENT))
     normals, triangles = net_triangles(8)
     local = surface_points(grains["axes"], skew, exponent, normals)
     points = np.einsum("nij,npj->npi", rotations(grains["quat"]), local) + grains["x"][:, None, :]
+    bodies = np.flatnonzero(snapshot.grains.get("vertices", np.zeros(0)) > 0)
+    points[grains.get("vertices", np.zeros(n)) > 0] = rounded_points(
+        snapshot.grains, bodies, normals
+    )
     cells = triangles[None] + (np.arange(n) * len(normals))[:, None, None]
     data = {
         name: [np.repeat(values, len(triangles), axis=0)]

@@ -15,6 +15,7 @@ from talus.files import make_folder, replaced
 from talus.forms import formed, surface_points
 from talus.measure import rotations
 from talus.packing import DRIVEN, FIXED
+from talus.polyhedron_view import drawn, join_features, rounded_points
 
 MILLI = 1.0e3
 COLOURS_OF = {"displacement": "displacement [mm]", "speed": "speed [m/s]", "force": "force [N]",
@@ -125,7 +126,9 @@ def fold(first: Snapshot, now: Snapshot) -> None:
     """Move grains into their cell; displacements become those relative to its flow."""
     if first.cell is not None:
         first.grains["x"] = now.cell.flow(first.cell, first.grains["x"])
-    inside = now.cell.fold(now.grains["x"])
+    before, now.grains["x"] = now.grains["x"], now.cell.fold(now.grains["x"])
+    join_features(now.grains, before)
+    inside, now.grains["x"] = now.grains["x"], before
     moved = np.nan_to_num(displacement(first.grains, now.grains))
     now.grains["x"] = inside
     _, there, here = np.intersect1d(first.grains["id"], now.grains["id"], return_indices=True)
@@ -224,7 +227,10 @@ def ellipsoids(
     pyvista: object, g: dict[str, np.ndarray], rows: np.ndarray, values: np.ndarray
 ) -> object:
     """Return one surface of many grains with the point data `value`; lengths in mm."""
-    fine = 2 if "skew" in g else 1  # flat spots leave fewer points
+    some = drawn(g)[rows]
+    rows, values = rows[some], values[some]
+    marks = g.get("vertices", np.zeros(len(g["x"]), int))[rows]
+    fine = 2 if "skew" in g or marks.any() else 1  # flat spots leave fewer points
     ball = pyvista.Sphere(radius=1.0, theta_resolution=20 * fine, phi_resolution=14 * fine)
     unit = np.asarray(ball.points, float)
     faces = np.asarray(ball.faces).reshape(-1, 4)
@@ -233,9 +239,10 @@ def ellipsoids(
     if "skew" in g:
         form = [g[name][rows] for name in ("axes", "skew", "exponent")]
         other = formed(form[1], form[2])
-        drawn = surface_points(*(part[other] for part in form), unit)
-        points[other] = np.einsum("nij,npj->npi", turn[other], drawn)
+        shaped = surface_points(*(part[other] for part in form), unit)
+        points[other] = np.einsum("nij,npj->npi", turn[other], shaped)
     points += g["x"][rows][:, None, :]
+    points[marks > 0] = rounded_points(g, rows[marks > 0], unit)
     shift = (np.arange(len(rows)) * len(unit))[:, None, None]
     cells = np.tile(faces, (len(rows), 1, 1))
     cells[:, :, 1:] += shift

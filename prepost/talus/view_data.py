@@ -18,9 +18,11 @@ from talus.fields import ALWAYS, OF_NODES, FieldFile, Snapshot
 from talus.forms import LEAST_EXPONENT, centres, net_triangles
 from talus.network import ends_of
 from talus.pictures import fold, round_above
+from talus.polyhedron_view import drawn, rounded_points, without_features
 from talus.progress import watch
 
 TURN = 32767.0  # a component 1 of a quaternion
+BODY = 6  # cells an edge of the net that a polyhedron is drawn with
 LEVELS = (16, 8, 4, 2)  # cells an edge of the nets that a grain is drawn with, finest first
 TOP = 0.995  # share of the values of a field below the top of its colours
 NAMES = {
@@ -133,10 +135,31 @@ def snapshot(fields: FieldFile, step: int, entry: Snapshot) -> tuple[Snapshot, d
         fold(entry, now)
     g = now.grains
     found = {"displacement": np.linalg.norm(g["x"] - entry.grains["x"], axis=1)}
-    others = [name for name in g if name not in (*ALWAYS, "skew", "exponent")]
+    others = [name for name in g if name not in (*ALWAYS, "skew", "exponent", "vertices")]
     found |= {name: size_of(name, g[name]) for name in others}
     found["size"] = np.cbrt(g["axes"].prod(axis=1))
+    keep = drawn(g)
+    if not keep.all():
+        add_bodies(now)
+        now.grains = without_features(g)
+        found = {name: values[keep] for name, values in found.items()}
     return now, links, found
+
+
+def add_bodies(now: Snapshot) -> None:
+    """Add polyhedra to the surfaces of a step as triangles; one of their rows stays a grain."""
+    g, s = now.grains, now.surfaces
+    normals, triangles = net_triangles(BODY)
+    bodies = np.flatnonzero(g["vertices"] > 0)
+    points = rounded_points(g, bodies, normals).reshape(-1, 3)
+    cells = (triangles[None] + (np.arange(len(bodies)) * len(normals))[:, None, None]).reshape(
+        -1, 3
+    )
+    known = s.get("x", np.zeros((0, 3)))
+    now.surfaces = {
+        "x": np.vstack([known, points]),
+        "triangles": np.vstack([s.get("triangles", np.zeros((0, 3), int)), cells + len(known)]),
+    }
 
 
 def lines(fields: FieldFile, step: int, now: Snapshot) -> dict[str, np.ndarray]:
