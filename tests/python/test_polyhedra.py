@@ -5,9 +5,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from talus import clumps, polyhedra
+from talus import clumps, polyhedra, polyhedron_view
 from talus.cli import main
 from talus.faults import FaultError
+from talus.forms import net_triangles
 from talus.packing import read_packing
 from talus.polyhedron_mass import mass_of_rounded
 from talus.sphere_fill import distance
@@ -136,3 +137,33 @@ def test_points_in_a_plane() -> None:
     """Points of a plane have no hull."""
     with pytest.raises(FaultError, match="E683"):
         polyhedra.hull_of(np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0], [3, 2, 0]]))
+
+
+def cubes() -> tuple[dict[str, np.ndarray], dict[str, np.ndarray], float]:
+    """Rows of a sphere and of two cubes as a field file has them, and the radius of the edges."""
+    cube = polyhedra.rounded(polyhedra.named_points("cube:1"), 0.2)
+    x = [np.array([[5.0, 5.0, 5.0]]), cube.centre + [1.0, 0.0, 0.0], cube.centre - [2.0, 0.0, 0.0]]
+    grains = {"x": np.vstack(x), "id": np.arange(1, 54), "axes": np.full((53, 3), cube.radius[0])}
+    clumps_of_step = {"first": [2, 28], "vertices": [8, 8], "members": [26, 26]}
+    return grains, clumps_of_step, float(cube.radius[0])
+
+
+def test_surfaces_for_pictures() -> None:
+    """A polyhedron is drawn once, by points of its surface; a cell does not tear it apart."""
+    grains, rigid, radius = cubes()
+    polyhedron_view.mark_vertices(grains, rigid)
+    assert np.flatnonzero(polyhedron_view.drawn(grains)).tolist() == [0, 1, 27]
+    assert polyhedron_view.without_features(grains)["id"].tolist() == [1, 2, 28]
+    normals, _ = net_triangles(8)
+    normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    points = polyhedron_view.rounded_points(grains, np.array([1, 27]), normals)
+    for body, middle in zip(points, ([1.0, 0, 0], [-2.0, 0, 0]), strict=True):
+        assert np.abs(body - middle).max() == pytest.approx(0.5)
+        core = np.clip(body - middle, radius - 0.5, 0.5 - radius)
+        off = np.linalg.norm(body - middle - core, axis=1)
+        assert off == pytest.approx(np.full(len(off), radius))
+    before = grains["x"].copy()
+    grains["x"] = np.mod(before, 1.3)
+    polyhedron_view.join_features(grains, before)
+    assert grains["x"][1] == pytest.approx(np.mod(before[1], 1.3))
+    assert np.diff(grains["x"][1:27], axis=0) == pytest.approx(np.diff(before[1:27], axis=0))
