@@ -9,7 +9,7 @@ module dem_source_place
   use dem_state, only: dem_data_type, dem_cell_type
   implicit none
   private
-  public :: room_type, gather_neighbours, find_place
+  public :: room_type, gather_neighbours, find_place, shortest_image
 
   integer(i8), parameter :: where_to = 3  !! what a random number is for
   real(wp), parameter :: circle = 2.0_wp*acos(-1.0_wp)

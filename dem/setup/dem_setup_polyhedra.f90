@@ -5,12 +5,13 @@ module dem_setup_polyhedra
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
-  use dem_cell, only: is_periodic, fractions
+  use dem_cell, only: is_periodic
   use dem_cells, only: find_candidates
   use dem_clump_file, only: packed_clumps_type
   use dem_feature_state, only: feature_none, feature_vertex, feature_edge, feature_face
   use dem_kinds, only: moved_by_forces
   use dem_polyhedron, only: polyhedron_type, judge_polyhedron, cores_overlap
+  use dem_source_place, only: shortest_image
   use dem_state, only: dem_data_type, dem_cell_type, kind_free
   implicit none
   private
@@ -192,7 +193,7 @@ contains
       integer(i4), intent(in) :: a, b
       type(polyhedron_type) :: point
       real(wp) :: shift(3)
-      shift = nearest_image(d%cell, x(:, b) - x(:, a)) - (x(:, b) - x(:, a))
+      shift = shortest_image(d%cell, x(:, b) - x(:, a)) - (x(:, b) - x(:, a))
       associate (xa => vertices(a), xb => vertices(b))
         if (template(a) == 0) then
           overlapping = cores_overlap(point, xa, shape(template(b)), xb + spread(shift, 2, &
@@ -265,7 +266,7 @@ contains
       count = 0
       do i = 1, n
         do j = i + 1, n
-          if (norm2(nearest_image(cell, x(:, j) - x(:, i))) > radius(i) + radius(j)) cycle
+          if (norm2(shortest_image(cell, x(:, j) - x(:, i))) > radius(i) + radius(j)) cycle
           count = count + 1
           if (m == 1) cycle
           first(count) = i
@@ -275,19 +276,4 @@ contains
       if (m == 1) allocate (first(count), second(count))
     end do
   end subroutine find_near
-
-  !> The shortest of a vector and its like over the faces of the cell, if its edges are not too
-  !! oblique [m].
-  pure function nearest_image(cell, r) result(nearest)
-    type(dem_cell_type), intent(in) :: cell
-    real(wp), intent(in) :: r(3)
-    real(wp) :: nearest(3), s(3)
-    integer(i4) :: k
-    nearest = r
-    if (.not. is_periodic(cell)) return
-    s = fractions(cell, cell%origin + r)
-    do k = 1, 3
-      if (cell%periodic(k)) nearest = nearest - anint(s(k))*cell%vectors(:, k)
-    end do
-  end function nearest_image
 end module dem_setup_polyhedra

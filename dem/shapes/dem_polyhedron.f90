@@ -8,7 +8,7 @@ module dem_polyhedron
   use talus_kinds, only: wp, i4
   use talus_vectors, only: cross
   use dem_feature_gap, only: polygon_normal
-  use dem_union, only: union_mass_type
+  use dem_union, only: union_mass_type, mass_of_sums
   implicit none
   private
   public :: polyhedron_type, judge_polyhedron, mass_of_polyhedron, cores_overlap
@@ -125,14 +125,7 @@ contains
     do k = 1, merge(size(x, 2, kind=i4), 0_i4, p%radius > 0.0_wp)
       sums = sums + ball_sector(p, x, k)
     end do
-    mass%volume = sums(1)
-    mass%centre = sums(2:4)/sums(1)
-    associate (c => mass%centre)
-      sums(5:) = sums(5:) - sums(1)*[c*c, c(1)*c(2), c(2)*c(3), c(3)*c(1)]
-    end associate
-    mass%centre = middle + mass%centre
-    mass%inertia(:3) = sum(sums(5:7)) - sums(5:7)
-    mass%inertia(4:) = -sums(8:)
+    mass = mass_of_sums(sums, middle)
   end function mass_of_polyhedron
 
   !> Integrals of 1, x, y, z, xx, yy, zz, xy, yz, zx from a volume, and first and second moments.

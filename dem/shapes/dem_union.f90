@@ -11,7 +11,7 @@ module dem_union
   use dem_shape_mass, only: diagonalise, quaternion_of
   implicit none
   private
-  public :: union_mass_type, mass_of_union, principal_frame
+  public :: union_mass_type, mass_of_union, mass_of_sums, principal_frame
 
   real(wp), parameter :: pi = acos(-1.0_wp)
   integer(i4), parameter :: points = 8     !! Gauss points of an arc, or of a part of an interval
@@ -41,7 +41,7 @@ contains
     real(wp), intent(in) :: centre(:, :)  !! (3, n) [m]
     real(wp), intent(in) :: radius(:)     !! (n) [m]
     type(union_mass_type) :: mass
-    real(wp) :: sums(10), middle(3), x(3, size(radius))
+    real(wp) :: middle(3), x(3, size(radius))
     integer(i4) :: n
 
     n = size(radius, kind=i4)
@@ -53,16 +53,21 @@ contains
     end if
     middle = sum(centre, 2)/n
     x = centre - spread(middle, 2, n)
-    sums = moments(x, radius)
-    mass%volume = sums(1)
-    mass%centre = sums(2:4)/sums(1)
-    associate (c => mass%centre)
-      sums(5:) = sums(5:) - sums(1)*[c*c, c(1)*c(2), c(2)*c(3), c(3)*c(1)]
-    end associate
-    mass%centre = middle + mass%centre
-    mass%inertia(:3) = sum(sums(5:7)) - sums(5:7)
-    mass%inertia(4:) = -sums(8:)
+    mass = mass_of_sums(moments(x, radius), middle)
   end function mass_of_union
+
+  !> Mass properties from the integrals of 1, x, y, z, xx, yy, zz, xy, yz, zx about a point.
+  pure function mass_of_sums(sums, point) result(mass)
+    real(wp), intent(in) :: sums(10), point(3)
+    type(union_mass_type) :: mass
+    real(wp) :: c(3), second(6)
+    c = sums(2:4)/sums(1)
+    second = sums(5:) - sums(1)*[c*c, c(1)*c(2), c(2)*c(3), c(3)*c(1)]
+    mass%volume = sums(1)
+    mass%centre = point + c
+    mass%inertia(:3) = sum(second(:3)) - second(:3)
+    mass%inertia(4:) = -second(4:)
+  end function mass_of_sums
 
   !> Principal moments of an inertia tensor, and the quaternion from their axes to its frame.
   pure subroutine principal_frame(inertia, moment, quat)

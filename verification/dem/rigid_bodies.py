@@ -5,6 +5,7 @@ import numpy as np
 from talus.clumps import rotation
 from talus.polyhedron_mass import Hull
 from talus.sphere_fill import distance
+from talus.verification import Case
 
 UPRIGHT = np.array([1.0, 0.0, 0.0, 0.0])
 THIRDS = 70  # of brackets, to rounding
@@ -29,6 +30,18 @@ def spin_rates(inertia: np.ndarray, start: np.ndarray, end: float, count: int) -
         c = rate(w + 0.5 * h * b)
         w = w + h / 6.0 * (a + 2.0 * b + 2.0 * c + rate(w + h * c))
     return w
+
+
+def plot_limit(case: Case, errors: np.ndarray, names: list[str]) -> None:
+    """Plot errors (3, names) of impacts against Young's moduli of 1 GPa, 32 GPa and 1024 GPa."""
+    fig, axis = case.figure()
+    young = np.array([1.0e9, 3.2e10, 1.024e12])
+    for k, name in enumerate(names):
+        axis.loglog(young, errors[:, k], "os"[k] + "-", label=name)
+    axis.loglog(young, errors[0, 0] * (young / young[0]) ** -0.4, "k:", label="E^-2/5")
+    axis.set(xlabel="Young's modulus [Pa]", ylabel="error against the rigid body [-]")
+    axis.legend()
+    case.save(fig)
 
 
 def tilt(quat: np.ndarray) -> float:
@@ -100,7 +113,7 @@ def until_overlap(
 ) -> np.ndarray:
     """Return the place of the second body along a way from the first where they overlap so far."""
     low, high = 0.0, 2.0 * sum(np.linalg.norm(core.x, axis=1).max() + r for core, r in cores)
-    step = (high - low) / 200.0
+    step = (high - low) / 60.0
     while overlap_of_cores(cores, turns, high * way) < overlap:
         high -= step
     low, high = high, high + step

@@ -2,7 +2,7 @@
 
 import numpy as np
 import same_bits
-from rigid_bodies import UPRIGHT, spin_rates, turned
+from rigid_bodies import UPRIGHT, plot_limit, spin_rates, turned
 from triangle_nets import net, write_stl
 
 from talus.clumps import Template, mass_of, rotation
@@ -254,11 +254,4 @@ def run(case: Case) -> None:
     judge_rest(case)
     judge_one(case)
     judge_cell(case)
-    fig, axis = case.figure()
-    young = np.array([1.0e9, 3.2e10, 1.024e12])
-    axis.loglog(young, case.figure_data[:, 0], "o-", label="rebound")
-    axis.loglog(young, case.figure_data[:, 1], "s-", label="spin")
-    axis.loglog(young, case.figure_data[0, 0] * (young / young[0]) ** -0.4, "k:", label="E^-2/5")
-    axis.set(xlabel="Young's modulus [Pa]", ylabel="error against the rigid body [-]")
-    axis.legend()
-    case.save(fig)
+    plot_limit(case, case.figure_data, ["rebound", "spin"])

@@ -79,7 +79,7 @@ contains
   end subroutine judge_limit
 
   !> A tetrahedron without a symmetry, cut by a plane that holds an edge: what the halves have more
-  !! than the whole is the rounded triangle between them, twice half: volume and centre agree.
+  !! than the whole is the rounded triangle between them: plates, half cylinders, a ball.
   subroutine judge_parts()
     real(wp), parameter :: x(3, 4) = reshape([0.1_wp, -0.2_wp, 0.3_wp, 2.0_wp, 0.1_wp, 0.2_wp, &
                                               0.4_wp, 1.5_wp, -0.3_wp, 0.2_wp, 0.7_wp, 1.8_wp], &
@@ -102,7 +102,23 @@ contains
                           abs(dot_product(one%volume*one%centre + other%volume*other%centre &
                             - whole%volume*whole%centre - sheet*m, &
                             normal(corner(:, 2) - m, corner(:, 3) - m))), 0.0_wp, 1.0e-12_wp)
+    m = normal(corner(:, 2) - m, corner(:, 3) - m)
+    m = m/norm2(m)
+    call test%check_close('second moments of parts across the cut', across(one, m) &
+                          + across(other, m), across(whole, m) &
+                          + sheet*dot_product(m, corner(:, 1))**2 + 2.0_wp/3.0_wp*r**3*area &
+                          + pi/8.0_wp*r**4*rim + 4.0_wp/15.0_wp*pi*r**5, 1.0e-12_wp)
   end subroutine judge_parts
+
+  !> Integral of the square of the place along a unit vector.
+  pure real(wp) function across(mass, n)
+    type(union_mass_type), intent(in) :: mass
+    real(wp), intent(in) :: n(3)
+    associate (i => mass%inertia)
+      across = 0.5_wp*sum(i(:3)) - dot_product(n*n, i(:3)) - 2.0_wp*(n(1)*n(2)*i(4) &
+               + n(2)*n(3)*i(5) + n(3)*n(1)*i(6)) + mass%volume*dot_product(n, mass%centre)**2
+    end associate
+  end function across
 
   pure function normal(a, b) result(n)
     real(wp), intent(in) :: a(3), b(3)
