@@ -1,13 +1,13 @@
 "use strict";
-// The view of a run: an instanced renderer of grains (WebGL2), the outside of the solid, triangles
-// that grains meet, contacts as tubes. The page holds the data as base64 (view_data.py says how).
+// The view of a run (WebGL2): grains by rays through the pixels of their rectangles on the screen,
+// the outside of the solid, triangles that grains meet, contacts as tubes. The page holds the data as base64 (view_data.py says how).
 
 const facts = JSON.parse(document.getElementById("facts").textContent);
 const el = (id) => document.getElementById(id);
 const canvas = el("scene");
 const gl = canvas.getContext("webgl2", { antialias: true, preserveDrawingBuffer: true });
 const KINDS = { f4: Float32Array, i2: Int16Array, u4: Uint32Array, u1: Uint8Array };
-const STILL = 12e6, MOVING = 2.5e6; // most triangles of grains drawn at rest, and in motion
+const ROW = 2048; // grains in a row of the textures that hold them, one texel a grain
 
 function fail(text) { el("fault").textContent = text; throw new Error(text); }
 if (!gl) fail("This browser has no WebGL2, which the view needs.");
@@ -27,36 +27,103 @@ precision highp float; precision highp int; precision highp sampler2D;
 uniform mat4 toScreen; uniform vec4 plane; uniform vec3 eye; uniform vec3 colour;
 uniform sampler2D map; uniform float opaque; uniform bool mapped;`;
 
-// a point of the surface of a grain from its normal n (theory of grains, Forms), then its turn
-const GRAIN_VERTEX = COMMON + `
-layout(location=0) in vec3 n; layout(location=1) in vec3 x; layout(location=2) in vec4 quat;
-layout(location=3) in uint shape; layout(location=4) in uint kind; layout(location=5) in float value;
-uniform sampler2D shapes; uniform int roles; uniform vec3 roleColours[4]; uniform bool whole;
-out vec3 world; out vec3 normal; out vec3 tint;
-vec3 turn(vec3 v) { vec4 q = normalize(quat);
-  return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v); }
+// The rectangle that a grain fills on the screen, through the origin of its shape. The width to each
+// side is the support function of the shape (eq. D.12, sharp).
+const GRAIN_VERTEX = COMMON + `precision highp isampler2D; precision highp usampler2D;
+uniform sampler2D places, values, shapes; uniform isampler2D quats; uniform usampler2D numbers;
+uniform int roles; uniform vec3 right, up; uniform vec3 roleColours[4]; uniform bool whole;
+out vec3 place, own; flat out vec3 way, tint; flat out vec4 upper, lower, quat;
+vec3 turn(vec4 q, vec3 v) { return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v); }
+float reach(vec3 u) {
+  vec3 a = abs(u) * mix(lower.xyz, upper.xyz, vec3(greaterThanEqual(u, vec3(0.0))));
+  if (upper.w <= 2.0) return length(a);
+  float q = upper.w / (upper.w - 1.0), most = max(max(a.x, a.y), a.z);
+  return most * pow(dot(pow(max(a / most, 1e-6), vec3(q)), vec3(1.0)), 1.0 / q);
+}
 void main() {
-  int width = textureSize(shapes, 0).x, at = int(shape) * 3;
-  vec4 upper = texelFetch(shapes, ivec2(at % width, at / width), 0);
-  vec4 lower = texelFetch(shapes, ivec2((at + 1) % width, (at + 1) / width), 0);
-  vec4 centre = texelFetch(shapes, ivec2((at + 2) % width, (at + 2) / width), 0);
-  vec3 a = mix(lower.xyz, upper.xyz, vec3(greaterThanEqual(n, vec3(0.0))));
-  vec3 u = normalize(a * n), p;
-  if (upper.w > 2.0) {
-    float q = upper.w / (upper.w - 1.0);
-    vec3 size = max(abs(u), vec3(1e-6)), high = pow(size, vec3(q));
-    p = a * sign(u) * pow(size, vec3(q - 1.0)) * pow(high.x + high.y + high.z, 1.0 / q - 1.0);
-  } else p = a * u;
-  world = x + turn(p - centre.xyz);
-  normal = turn(n);
-  int role = int(min(kind, 3u));
+  int grain = gl_VertexID / 6, corner = gl_VertexID % 6;
+  ivec2 cell = ivec2(grain % ${ROW}, grain / ${ROW});
+  vec4 centre = texelFetch(places, cell, 0);
+  int role = int(min(centre.w, 3.0));
+  gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  if ((roles & (1 << role)) == 0 || (whole && dot(plane.xyz, centre.xyz) > plane.w)) return;
+  int width = textureSize(shapes, 0).x, at = int(texelFetch(numbers, cell, 0).r) * 3;
+  upper = texelFetch(shapes, ivec2(at % width, at / width), 0);
+  lower = texelFetch(shapes, ivec2((at + 1) % width, (at + 1) / width), 0);
+  vec3 middle = texelFetch(shapes, ivec2((at + 2) % width, (at + 2) / width), 0).xyz;
+  quat = normalize(vec4(texelFetch(quats, cell, 0)));
+  vec4 back = vec4(quat.x, -quat.yzw);
+  bvec2 far = bvec2(corner == 1 || corner == 2 || corner == 4, corner >= 2 && corner != 3);
+  vec3 r = turn(back, far.x ? right : -right), u = turn(back, far.y ? up : -up);
+  way = turn(back, -eye);
+  own = 1.001 * (r * reach(r) + u * reach(u));
+  lower.w = reach(-way);
+  place = centre.xyz + turn(quat, own - middle);
+  float value = texelFetch(values, cell, 0).r;
   tint = mapped ? texture(map, vec2((value * 255.0 + 0.5) / 256.0, 0.5)).rgb : roleColours[role];
-  gl_Position = toScreen * vec4(world, 1.0);
-  bool gone = (roles & (1 << role)) == 0 || (whole && dot(plane.xyz, x) > plane.w);
-  if (gone) gl_Position = vec4(2.0, 2.0, 2.0, 1.0);
+  gl_Position = toScreen * vec4(place, 1.0);
 }`;
 
-// back faces are what a cut opens: they are painted flat, as if the grain were filled
+// Where the ray of a pixel meets the grain first: a root of a quadratic for an ellipsoid. For others
+// the norm of the shape is convex along the ray, so that Newton's method from before the grain never
+// passes the surface. A cut shows the inside flat.
+const GRAIN_FRAGMENT = COMMON + `
+uniform bool cuts; in vec3 place, own; flat in vec3 way, tint; flat in vec4 upper, lower, quat;
+out vec4 paint;
+vec3 turn(vec4 q, vec3 v) { return v + 2.0 * cross(q.yzw, cross(q.yzw, v) + q.x * v); }
+float norm(vec3 p, out vec3 slope) { // 1 on the surface; the slope is its gradient
+  vec3 a = mix(lower.xyz, upper.xyz, vec3(greaterThanEqual(p, vec3(0.0)))), s = abs(p) / a;
+  float e = upper.w, size = 1.0;
+  if (e > 2.0) {
+    float most = max(max(s.x, s.y), s.z);
+    vec3 share = max(s / most, 1e-6), high = pow(share, vec3(e - 1.0));
+    size = most * pow(dot(high, share), 1.0 / e);
+    slope = sign(p) / a * high * pow(most / size, e - 1.0);
+  } else {
+    size = length(s);
+    slope = sign(p) / a * s / size;
+  }
+  return size;
+}
+float first(out vec3 slope) {
+  if (upper.w <= 2.0 && upper.xyz == lower.xyz) {
+    vec3 p = own / upper.xyz, d = way / upper.xyz;
+    float dd = dot(d, d), pd = dot(p, d), below = pd * pd - dd * (dot(p, p) - 1.0);
+    if (below < 0.0) discard;
+    float t = -(pd + sqrt(below)) / dd;
+    slope = (p + t * d) / upper.xyz;
+    return t;
+  }
+  float t = -1.01 * lower.w, left = 1.0;
+  for (int k = 0; k < 16 && left > 1e-4; k++) {
+    left = norm(own + t * way, slope) - 1.0;
+    float rate = dot(slope, way);
+    if (left > 1e-4 && rate >= 0.0) discard; // the ray passes by
+    t -= left / min(rate, -1e-6);
+  }
+  if (left > 1e-2) discard;
+  return t;
+}
+void main() {
+  vec3 slope;
+  float t = first(slope);
+  vec3 world = place - t * eye;
+  float above = dot(plane.xyz, world) - plane.w;
+  bool open = cuts && above > 0.0;
+  if (open) {
+    float fall = dot(plane.xyz, eye);
+    if (fall <= 0.0) discard;
+    t += above / fall;
+    world = place - t * eye;
+    if (norm(own + t * way, slope) > 1.0) discard;
+  }
+  vec3 side = normalize(turn(quat, slope));
+  float light = 0.45 + 0.5 * max(dot(side, normalize(eye + vec3(0.25, 0.1, 0.6))), 0.0);
+  paint = vec4(tint * (open ? 0.62 : light) * 1.05, 1.0);
+  gl_FragDepth = 0.5 + 0.5 * (toScreen * vec4(world, 1.0)).z;
+}`;
+
+// back faces are what a cut opens: they are painted flat, as if the body were filled
 const FRAGMENT = COMMON + `
 uniform bool cuts; in vec3 world; in vec3 normal; in vec3 tint; out vec4 paint;
 void main() {
@@ -109,7 +176,7 @@ function program(vertex, fragment) {
   return { made, at: (name) => (places[name] ??= gl.getUniformLocation(made, name)) };
 }
 
-const grainProgram = program(GRAIN_VERTEX, FRAGMENT);
+const grainProgram = program(GRAIN_VERTEX, GRAIN_FRAGMENT);
 const meshProgram = program(MESH_VERTEX, FRAGMENT);
 const linkProgram = program(LINK_VERTEX, FRAGMENT);
 
@@ -122,41 +189,38 @@ function buffer(data, target = gl.ARRAY_BUFFER) {
   return made;
 }
 
-function attribute(place, made, size, kind, { each = 0, norm = false, whole = false,
-  stride = 0, offset = 0 } = {}) {
+function attribute(place, made, size, kind, { each = 0, norm = false, stride = 0,
+  offset = 0 } = {}) {
   gl.bindBuffer(gl.ARRAY_BUFFER, made);
   gl.enableVertexAttribArray(place);
-  if (whole) gl.vertexAttribIPointer(place, size, kind, stride, offset);
-  else gl.vertexAttribPointer(place, size, kind, norm, stride, offset);
+  gl.vertexAttribPointer(place, size, kind, norm, stride, offset);
   gl.vertexAttribDivisor(place, each);
 }
 
 function texture(unit, width, height, inner, outer, kind, data) {
   gl.activeTexture(gl.TEXTURE0 + unit);
-  gl.bindTexture(gl.TEXTURE_2D, gl.createTexture());
+  const made = gl.createTexture();
+  gl.bindTexture(gl.TEXTURE_2D, made);
   gl.pixelStorei(gl.UNPACK_ALIGNMENT, 1);
   gl.texImage2D(gl.TEXTURE_2D, 0, inner, width, height, 0, outer, kind, data);
   for (const name of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER])
     gl.texParameteri(gl.TEXTURE_2D, name, gl.NEAREST);
   for (const name of [gl.TEXTURE_WRAP_S, gl.TEXTURE_WRAP_T])
     gl.texParameteri(gl.TEXTURE_2D, name, gl.CLAMP_TO_EDGE);
+  return made;
+}
+
+// the array is filled up to whole rows
+function rowsTexture(unit, width, inner, outer, kind, data, size) {
+  const rows = Math.ceil(data.length / size / width);
+  const padded = new data.constructor(size * width * rows);
+  padded.set(data);
+  return texture(unit, width, rows, inner, outer, kind, padded);
 }
 
 const viridis = blob("viridis", "u1");
 texture(0, 256, 1, gl.RGB8, gl.RGB, gl.UNSIGNED_BYTE, viridis);
-if (has("shapes")) {
-  const data = blob("shapes", "f4"), width = 2046, rows = Math.ceil(data.length / 4 / width);
-  const padded = new Float32Array(4 * width * rows);
-  padded.set(data);
-  texture(1, width, rows, gl.RGBA32F, gl.RGBA, gl.FLOAT, padded);
-}
-
-const nets = [];
-for (let level = 0; level < facts.levels; level++) {
-  const triangles = blob(`net${level}.t`, "u4");
-  nets.push({ n: buffer(blob(`net${level}.n`, "f4")), count: triangles.length,
-    t: buffer(triangles, gl.ELEMENT_ARRAY_BUFFER) });
-}
+if (has("shapes")) rowsTexture(1, 2046, gl.RGBA32F, gl.RGBA, gl.FLOAT, blob("shapes", "f4"), 4);
 
 const SIDES = 6;
 const ring = [];
@@ -167,7 +231,7 @@ for (let k = 0; k < SIDES; k++) {
 }
 const ringBuffer = buffer(new Float32Array(ring));
 
-let shown = { frame: -1, colour: "", arrays: [], buffers: [] };
+let shown = { frame: -1, colour: "", arrays: [], buffers: [], textures: [] };
 
 function normalsOf(x, triangles) {
   const n = new Float32Array(x.length);
@@ -198,7 +262,8 @@ function kept(data, target) { const made = buffer(data, target); shown.buffers.p
 function load(frame, colour) {
   for (const made of shown.arrays) gl.deleteVertexArray(made);
   for (const made of shown.buffers) gl.deleteBuffer(made);
-  shown = { frame, colour, arrays: [], buffers: [] };
+  for (const made of shown.textures) gl.deleteTexture(made);
+  shown = { frame, colour, arrays: [], buffers: [], textures: [] };
   const f = facts.frames[frame];
   if (f.count) loadGrains(frame, f.count, colour);
   if (f.links) {
@@ -219,18 +284,17 @@ function load(frame, colour) {
 
 function loadGrains(frame, count, colour) {
   const name = colour.startsWith("g.") ? colour : null;
-  const x = kept(blob("x" + frame, "f4")), quat = kept(blob("quat" + frame, "i2"));
-  const shape = kept(blob("shape" + frame, "u4")), kind = kept(blob("kind" + frame, "u1"));
-  const value = kept(name ? blob(name + frame, "u1") : new Uint8Array(count));
-  shown.levels = nets.map((net) => array(() => {
-    attribute(0, net.n, 3, gl.FLOAT);
-    attribute(1, x, 3, gl.FLOAT, { each: 1 });
-    attribute(2, quat, 4, gl.SHORT, { each: 1, norm: true });
-    attribute(3, shape, 1, gl.UNSIGNED_INT, { each: 1, whole: true });
-    attribute(4, kind, 1, gl.UNSIGNED_BYTE, { each: 1, whole: true });
-    attribute(5, value, 1, gl.UNSIGNED_BYTE, { each: 1, norm: true });
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, net.t);
-  }));
+  const x = blob("x" + frame, "f4"), kind = blob("kind" + frame, "u1");
+  const place = new Float32Array(4 * count);
+  for (let k = 0; k < count; k++) place.set([x[3 * k], x[3 * k + 1], x[3 * k + 2], kind[k]], 4 * k);
+  const value = name ? blob(name + frame, "u1") : new Uint8Array(count);
+  const number = blob("shape" + frame, "u4"), quat = blob("quat" + frame, "i2");
+  shown.textures = [
+    rowsTexture(2, ROW, gl.RGBA32F, gl.RGBA, gl.FLOAT, place, 4),
+    rowsTexture(3, ROW, gl.RGBA16I, gl.RGBA_INTEGER, gl.SHORT, quat, 4),
+    rowsTexture(4, ROW, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, number, 1),
+    rowsTexture(5, ROW, gl.R8, gl.RED, gl.UNSIGNED_BYTE, value, 1),
+  ];
 }
 
 function mesh(x, triangles, values) {
@@ -304,7 +368,7 @@ function projection() {
     m[12 + i] = -row.reduce((sum, v, j) => sum + v * camera.target[j], 0);
   });
   m[15] = 1;
-  return { m, back, pixel: Math.min(sx * canvas.width, sy * canvas.height) / 2 };
+  return { m, back, right, up, pixel: Math.min(sx * canvas.width, sy * canvas.height) / 2 };
 }
 
 // --- drawing -----------------------------------------------------------------------------------
@@ -336,29 +400,21 @@ function use(made, view, cut, { mapped, colour = [0.6, 0.6, 0.6], opaque = 1, cu
 
 function rgb(text) { return [1, 3, 5].map((k) => parseInt(text.slice(k, k + 2), 16) / 255); }
 
-// the finest net that the grains' size on the screen asks for and the number of triangles allows
-function levelFor(view, count) {
-  const pixels = view.pixel * facts.size;
-  let level = [24, 7, 2.2].findIndex((least) => pixels > least);
-  if (level < 0) level = nets.length - 1;
-  const most = moving ? MOVING : STILL;
-  while (level < nets.length - 1 && count * nets[level].count / 3 > most) level++;
-  return level;
-}
-
 function drawGrains(view, cut) {
   const { count } = facts.frames[shown.frame];
   let roles = 0;
   for (const [role, name] of facts.roles) if (on(name)) roles |= 1 << role;
   const whole = el("whole").checked && cut.cuts;
   use(grainProgram, view, cut, { mapped: shown.colour.startsWith("g."), cuts: cut.cuts && !whole });
-  gl.uniform1i(grainProgram.at("shapes"), 1);
+  ["shapes", "places", "quats", "numbers", "values"].forEach((one, k) =>
+    gl.uniform1i(grainProgram.at(one), 1 + k));
+  gl.uniform3fv(grainProgram.at("right"), view.right);
+  gl.uniform3fv(grainProgram.at("up"), view.up);
   gl.uniform1i(grainProgram.at("roles"), roles);
   gl.uniform1i(grainProgram.at("whole"), whole ? 1 : 0);
   gl.uniform3fv(grainProgram.at("roleColours"), facts.roles.flatMap((role) => rgb(role[2])));
-  const level = levelFor(view, count);
-  gl.bindVertexArray(shown.levels[level]);
-  gl.drawElementsInstanced(gl.TRIANGLES, nets[level].count, gl.UNSIGNED_INT, 0, count);
+  gl.bindVertexArray(null); // no arrays: a vertex knows its grain by its number
+  gl.drawArrays(gl.TRIANGLES, 0, 6 * count);
 }
 
 function drawMesh(made, count, kind, view, cut, look) {
@@ -370,7 +426,7 @@ function drawMesh(made, count, kind, view, cut, look) {
 }
 
 function draw() {
-  const scale = Math.min(window.devicePixelRatio || 1, 2);
+  const scale = moving ? quick * Math.min(window.devicePixelRatio || 1, 2) : 2; // smooth at rest
   const [w, h] = [Math.round(canvas.clientWidth * scale), Math.round(canvas.clientHeight * scale)];
   if (canvas.width !== w || canvas.height !== h) { canvas.width = w; canvas.height = h; }
   gl.viewport(0, 0, w, h);
@@ -422,18 +478,45 @@ function drawCell([origin, edges], view, cut) {
   gl.deleteBuffer(order);
 }
 
-let asked = false, moving = false, rest = 0;
+let asked = false, moving = false, rest = 0, quick = 1;
+const one = new Uint8Array(4);
+function timed() { // milliseconds of a picture, until it is finished
+  const start = performance.now();
+  draw();
+  gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, one);
+  return performance.now() - start;
+}
 function redraw() {
   if (asked) return;
   asked = true;
-  requestAnimationFrame(() => { asked = false; draw(); });
+  requestAnimationFrame(() => {
+    asked = false;
+    if (!moving) draw();
+    else quick = Math.min(1, Math.max(0.25, quick * Math.sqrt(40 / Math.max(timed(), 20))));
+  });
 }
-// while the hand moves the grains are coarse, a fifth of a second later they are fine
+// While the hand moves there are as many pixels as this machine draws in 40 ms, a quarter of them a
+// side at least; a fifth of a second later edges are smooth.
 function move() {
   moving = true;
   clearTimeout(rest);
   rest = setTimeout(() => { moving = false; redraw(); }, 200);
   redraw();
+}
+
+// pictures a second while the camera turns: #rate=20 turns it so many times before the first view
+function rate(count) {
+  moving = true;
+  timed();
+  let all = 0;
+  for (let k = 0; k < count; k++) {
+    camera.yaw += 0.02;
+    all += timed();
+  }
+  moving = false;
+  const speed = (1000 * count / all).toPrecision(3);
+  el("rate").textContent = `${speed} pictures a second of ${canvas.width} x ${canvas.height}`;
+  resetCamera();
 }
 
 // --- panel -------------------------------------------------------------------------------------
@@ -448,12 +531,13 @@ function tick(name, checked) {
   parts[name] = box;
 }
 
+const asks = new URLSearchParams(location.hash.slice(1)); // #colour=role&axis=y&time=3
+
 function fillPanel() {
   const choose = (value, text) => el("colour").add(new Option(text, value));
   for (const f of facts.fields) choose("g." + f.name, f.title);
   if (facts.fields.length) choose("role", "role of the grain");
   for (const f of facts.solid?.fields || []) choose("s." + f.name, "solid: " + f.title);
-  const asks = new URLSearchParams(location.hash.slice(1)); // #colour=role&axis=y&time=3
   const kinds = new Set();
   facts.frames.forEach((f, k) => { if (f.count) blob("kind" + k, "u1").forEach((r) => kinds.add(r)); });
   for (const [role, name] of facts.roles) if (kinds.has(role)) tick(name, asks.get(name) !== "0");
@@ -547,4 +631,5 @@ resetCamera();
 fillPanel();
 fillKey();
 listen();
+if (asks.has("rate")) rate(Number(asks.get("rate")));
 draw();

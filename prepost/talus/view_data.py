@@ -23,7 +23,6 @@ from talus.progress import watch
 
 TURN = 32767.0  # a component 1 of a quaternion
 BODY = 6  # cells an edge of the net that a polyhedron is drawn with
-LEVELS = (16, 8, 4, 2)  # cells an edge of the nets that a grain is drawn with, finest first
 TOP = 0.995  # share of the values of a field below the top of its colours
 NAMES = {
     "displacement": "displacement [m]", "v": "speed [m/s]", "omega": "spin [rad/s]",
@@ -94,11 +93,6 @@ def build(grains: Path | None, solid: Path | None, most: int) -> Page:
         times = add_grains(page, grains, most)
     if solid:
         add_solid(page, solid, times, most)
-    for level, cells in enumerate(LEVELS):
-        normals, triangles = net_triangles(cells)
-        page.put(f"net{level}.n", normals, "f4")
-        page.put(f"net{level}.t", triangles, "u4")
-    page.facts["levels"] = len(LEVELS)
     return page
 
 

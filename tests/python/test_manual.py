@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from browser import asked as browser_asked
+from browser import working  # noqa: F401
 
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "tools"))
@@ -19,7 +21,6 @@ import manual_search  # noqa: E402
 
 import manual  # noqa: E402
 
-BROWSER = manual_pdf.browser()
 SOURCES = {
     "index": "# Talus\n\n[Deck](deck-dem.md#contact).\n\n## Sand\n\nQuartz & feldspar.",
     "deck-dem": "# Deck\n\n## contact\n\n| key | meaning |\n|---|---|\n| `friction` | of Coulomb |",
@@ -42,16 +43,13 @@ def asked(tmp_path: Path, query: str) -> list[tuple[str, str]]:
     for name, body in bodies.items():
         (tmp_path / f"{name}.html").write_text(manual_page.page(name, body, titles, "1.0"))
     (tmp_path / "search.js").write_text(manual_search.script(titles, bodies))
-    flags = ["--headless=new", "--no-sandbox", "--disable-gpu", f"--user-data-dir={tmp_path}/u",
-             "--virtual-time-budget=1000", "--dump-dom"]  # fmt: skip
     page = f"{(tmp_path / 'index.html').as_uri()}?q={query}"
-    dom = subprocess.run([BROWSER, *flags, page], timeout=60, capture_output=True, text=True).stdout
+    dom = browser_asked(page, tmp_path, "--virtual-time-budget=1000", "--dump-dom")
     found = re.search(r'<main id="found">(.*?)</main>', dom, flags=re.S)
     links = re.findall(r'<a href="([^"]+)">(.*?)</a>', found[1] if found else "")
     return [(where, re.sub("<[^>]+>", "", text)) for where, text in links]
 
 
-@pytest.mark.skipif(not BROWSER, reason="no chromium here")
 @pytest.mark.parametrize(
     ("query", "expected"),
     [
@@ -61,7 +59,7 @@ def asked(tmp_path: Path, query: str) -> list[tuple[str, str]]:
         ("nothing-of-this", []),
     ],
 )
-def test_search(tmp_path: Path, query: str, expected: list[tuple[str, str]]) -> None:
+def test_search(tmp_path: Path, browser: None, query: str, expected: list[tuple[str, str]]) -> None:
     """A page opened from a file finds keys, words in several pages, and all words of a query."""
     assert asked(tmp_path, query) == expected
 
@@ -159,14 +157,13 @@ def test_links_of_the_book() -> None:
     assert '<a href="#index"><span>Talus</span><span>3</span></a>' in text
 
 
-@pytest.mark.skipif(not BROWSER, reason="no chromium here")
-def test_numbers_of_pages(tmp_path: Path) -> None:
+def test_numbers_of_pages(tmp_path: Path, browser: None) -> None:
     """Title, contents and four chapters are six pages, and the contents know where each begins."""
     titles, bodies = made()
     (tmp_path / "book.html").write_text(
         manual_pdf.book(titles, bodies, "1.0", manual_pdf.contents(titles, {}))
     )
-    manual_pdf.printed(BROWSER, tmp_path / "book.html", tmp_path / "book.pdf")
+    manual_pdf.printed(manual_pdf.browser(), tmp_path / "book.html", tmp_path / "book.pdf")
     numbers, count = manual_pdf.numbers_of((tmp_path / "book.pdf").read_bytes())
     assert count == 6
     assert {name: numbers[name] for name in titles} == {n: k for k, n in enumerate(titles, 3)}
