@@ -1,5 +1,5 @@
 !> One source of grains, as the deck describes it: which grains, where, when, how many. What sources
-!! do is in dem_sources. Faults D294 to D296.
+!! do is in dem_sources. Faults D294 to D296, D478 (dem_size_law).
 module dem_source
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
@@ -11,6 +11,7 @@ module dem_source
   use dem_make, only: make_grains, sorted_order
   use dem_packing, only: dem_packing_type, read_packing
   use dem_shape_make, only: make_shapes
+  use dem_size_law, only: size_law_type, read_size_law, by_law
   use dem_state, only: dem_grains_type, dem_material_type
   implicit none
   private
@@ -27,6 +28,7 @@ module dem_source
     type(dem_packing_type) :: packing        !! grains to draw from; none: by semi_axes
     real(wp) :: semi_axes(3) = 0.0_wp        !! [m]
     real(wp) :: scatter = 0.0_wp             !! of the size, uniform [-]
+    type(size_law_type) :: law               !! of sizes, in place of scatter
     logical :: turned = .true.               !! orientations are random
     type(region_type) :: region              !! bounding spheres lie in it
     real(wp) :: shift(3) = 0.0_wp            !! of a whole packing [m]
@@ -46,6 +48,7 @@ module dem_source
   contains
     procedure :: row_of
     procedure :: size_of
+    procedure :: opening
     procedure :: least_axis
     procedure :: largest_radius
     procedure :: shaped
@@ -115,6 +118,7 @@ contains
     end if
     source%semi_axes = axes(1)
     if (size(axes) == 3) source%semi_axes = axes
+    call read_size_law(deck, k, source%law, errors)
   end subroutine read_grains
 
   !> Masses and bounding spheres of the grains to draw from; faults of what a packing holds are
@@ -207,13 +211,26 @@ contains
   pure real(wp) function size_of(self, n) result(scale)
     class(source_type), intent(in) :: self
     integer(i8), intent(in) :: n
-    scale = 1.0_wp + self%scatter*(2.0_wp*uniform([self%seed, how_large, n]) - 1.0_wp)
+    scale = uniform([self%seed, how_large, n])
+    if (allocated(self%law%edge)) then
+      scale = by_law(self%law, scale)/self%opening()
+    else
+      scale = 1.0_wp + self%scatter*(2.0_wp*scale - 1.0_wp)
+    end if
   end function size_of
+
+  !> Sieve that a grain of its semi-axes just passes: twice the middle one [m].
+  pure real(wp) function opening(self)
+    class(source_type), intent(in) :: self
+    opening = 2.0_wp*(sum(self%semi_axes) - minval(self%semi_axes) - maxval(self%semi_axes))
+  end function opening
 
   !> Least semi-axis of any of its grains [m].
   pure real(wp) function least_axis(self)
     class(source_type), intent(in) :: self
     least_axis = (1.0_wp - self%scatter)*minval(self%semi_axes)
+    if (allocated(self%law%edge)) &
+      least_axis = self%law%edge(1)/self%opening()*minval(self%semi_axes)
     if (self%packing%n > 0) least_axis = minval(self%packing%axes)
   end function least_axis
 
@@ -221,6 +238,8 @@ contains
   pure real(wp) function largest_radius(self) result(radius)
     class(source_type), intent(in) :: self
     radius = (1.0_wp + self%scatter)*maxval(self%radius)
+    if (allocated(self%law%edge)) &
+      radius = self%law%edge(size(self%law%edge))/self%opening()*maxval(self%radius)
   end function largest_radius
 
   !> Is any of its grains no ellipsoid?

@@ -1582,7 +1582,7 @@ contains
 
   subroutine group_source(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('source', 27, &
+    call table%add_group('source', 31, &
       'Grains that enter the run: one by one at random places of a region, at a rate, ' &
       //'or as a whole packing from time to time. New ids follow the largest that was ' &
       //'ever given. What has entered is written to `<deck>_sources.csv`; the energy that' &
@@ -1608,11 +1608,48 @@ contains
     call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('placement', 'random')
     call table%add_key('scatter', 'real', '', &
-      'Sizes by semi_axes are uniform within 1 - scatter and 1 + scatter.')
+      'Sizes by semi_axes are uniform within 1 - scatter and 1 + scatter, with ' &
+      //'`size_law = ''uniform''`.')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp, max=0.9_wp)
     call table%magnitude(0.0_wp, 0.9_wp)
     call table%only_with('placement', 'random')
+    call table%only_with('size_law', 'uniform')
+    call table%add_key('size_law', 'string', '', &
+      'Distribution of the sizes of grains by semi_axes, which then give the shape ' &
+      //'alone: `''uniform''` by number (scatter), or of the *mass* `''normal''`, ' &
+      //'`''lognormal''` or `''rosin_rammler''`, as `talus pack cloud --distribution` makes ' &
+      //'it. A size is the sieve that a grain just passes, twice its middle semi-axis.')
+    call table%preset('uniform')
+    call table%allow('uniform|normal|lognormal|rosin_rammler')
+    call table%only_with('placement', 'random')
+    call table%excludes('file')
+    call table%add_key('size_middle', 'real', 'm', &
+      'Mean (normal), median (lognormal), or the size that 63.2 % of the mass pass ' &
+      //'(Rosin-Rammler).')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('size_law', 'normal|lognormal|rosin_rammler')
+    call table%need_with('size_law', 'normal|lognormal|rosin_rammler')
+    call group_source_2(table)
+  end subroutine group_source
+
+  subroutine group_source_2(table)
+    type(key_table_type), intent(inout) :: table
+    call table%add_key('size_spread', 'real', '', &
+      'Standard deviation in m (normal), that of the logarithm of the size (lognormal),' &
+      //' or the exponent (Rosin-Rammler).')
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-20_wp, 1000000000000000.0_wp)
+    call table%only_with('size_law', 'normal|lognormal|rosin_rammler')
+    call table%need_with('size_law', 'normal|lognormal|rosin_rammler')
+    call table%add_key('size_limits', 'real', 'm', &
+      'Least and largest size; all of the mass lies between them.')
+    call table%sized(2_i4, 2_i4)
+    call table%bounds(above=0.0_wp)
+    call table%magnitude(1e-12_wp, 10000000.0_wp)
+    call table%only_with('size_law', 'normal|lognormal|rosin_rammler')
+    call table%need_with('size_law', 'normal|lognormal|rosin_rammler')
     call table%add_key('material', 'string', '', &
       'Material of the grains; left out, that of `&particles`.')
     call table%add_key('mass_rate', 'real', 'kg/s', &
@@ -1633,11 +1670,6 @@ contains
     call table%need()
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-18_wp, 1000000000000.0_wp)
-    call group_source_2(table)
-  end subroutine group_source
-
-  subroutine group_source_2(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('start', 'real', 's', &
       'The rate counts from this time; a whole packing enters for the first time then.')
     call table%preset('0.0')
@@ -1648,6 +1680,11 @@ contains
       //'Left out: until the end of the run.')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000.0_wp)
+    call group_source_3(table)
+  end subroutine group_source_2
+
+  subroutine group_source_3(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('mass', 'real', 'kg', 'Mass that enters at most.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-24_wp, 1e+24_wp)
@@ -1680,11 +1717,6 @@ contains
     call table%preset('200')
     call table%bounds(min=1.0_wp, max=100000.0_wp)
     call table%only_with('placement', 'random')
-    call group_source_3(table)
-  end subroutine group_source_2
-
-  subroutine group_source_3(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('seed', 'integer', '', &
       'Of the random numbers, which depend on it, the source, the grain and the time ' &
       //'alone.')
@@ -1696,6 +1728,11 @@ contains
     call table%need()
     call table%allow('box|cylinder|sphere')
     call table%only_with('placement', 'random')
+    call group_source_4(table)
+  end subroutine group_source_3
+
+  subroutine group_source_4(table)
+    type(key_table_type), intent(inout) :: table
     call table%add_key('lower', 'real', 'm', 'Lower corner of a box.')
     call table%need()
     call table%sized(3_i4, 3_i4)
@@ -1726,11 +1763,6 @@ contains
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-12_wp, 10000000.0_wp)
     call table%only_with('region', 'cylinder|sphere')
-    call group_source_4(table)
-  end subroutine group_source_3
-
-  subroutine group_source_4(table)
-    type(key_table_type), intent(inout) :: table
     call table%add_key('length', 'real', 'm', 'Length of a cylinder along its axis.')
     call table%need()
     call table%bounds(above=0.0_wp)

@@ -257,12 +257,16 @@ def test_a_packing_enters_with_its_contacts(tmp_path: Path) -> None:
     assert energy["kinetic"].max() < 1e-8 * before
 
 
-@pytest.mark.parametrize("kind", ["spheres", "shapes"])
+@pytest.mark.parametrize("kind", ["spheres", "shapes", "law"])
 def test_threads_ranks_and_restarts_give_the_same_bits(tmp_path: Path, kind: str) -> None:
     """A run whose grains enter and leave repeats on threads, on ranks and from a checkpoint."""
     grains = {
         "spheres": lambda: f"semi_axes = {RADIUS}, scatter = 0.2",
         "shapes": lambda: mixed_shapes(tmp_path),
+        "law": lambda: (
+            f"semi_axes = {RADIUS}, size_law = 'rosin_rammler', size_middle = 4e-3, "
+            "size_spread = 5.0, size_limits = 2.5e-3, 5e-3"
+        ),
     }[kind]()
     text = filled(grains, t_end=0.12)
     run(tmp_path, text)
