@@ -17,6 +17,7 @@ module dem_pore
   use dem_pore_grid, only: brick_edges
   use dem_pore_laws, only: law_constant, law_kozeny_carman
   use dem_pore_medium, only: porosity_change
+  use dem_pore_mixing, only: alternating
   use dem_pore_side, only: side_mean
   use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
@@ -30,13 +31,14 @@ module dem_pore
   real(wp), parameter :: most_reynolds = 10.0_wp  !! of Darcy's law
   real(wp), parameter :: most_change = 0.2_wp     !! of a porosity
   real(wp), parameter :: loose = 1.5_wp  !! of that in a run, as the bound is on the safe side
-  character(len=24), parameter :: columns(31) = [character(len=24) :: 'time [s]', &
+  character(len=24), parameter :: columns(32) = [character(len=24) :: 'time [s]', &
     'least_pressure [Pa]', 'most_pressure [Pa]', 'pressure_x0 [Pa]', 'pressure_x1 [Pa]', &
     'pressure_y0 [Pa]', 'pressure_y1 [Pa]', 'pressure_z0 [Pa]', 'pressure_z1 [Pa]', &
     'content [m3]', 'inflow [m3]', 'swept [m3]', 'balance [-]', 'out_x0 [m3]', 'out_x1 [m3]', &
     'out_y0 [m3]', 'out_y1 [m3]', 'out_z0 [m3]', 'out_z1 [m3]', 'work [J]', 'wall_work [J]', &
     'drain_work [J]', 'darcy [J]', 'drag [J]', 'exchange [J]', 'stored [J]', 'implicit [m3]', &
-    'porosity_change [-]', 'exchanges [-]', 'turns [-]', 'cavities [-]']
+    'porosity_change [-]', 'exchanges [-]', 'turns [-]', 'cavities [-]', &
+    'alternating [Pa]']
 
   type :: dem_pore_control_type
     logical :: active = .false.
@@ -265,7 +267,8 @@ contains
         s(sum_work), s(sum_hull) + s(sum_tools), s(sum_flow), s(sum_darcy), s(sum_drag), &
         s(sum_exchange), pore%stored, sum(abs(pore%omega - c*pore%p)), porosity_change(pore), &
         real(pore%exchanges, wp), &
-        real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp)], errors)
+        real(pore%turns, wp), real(count(is_cavity(pore%p, -self%cavitation - rest)), wp), &
+        alternating(pore)], errors)
     end associate
   end subroutine write_row
 

@@ -21,6 +21,7 @@ module dem_pore_exchange
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, brick_matrices
   use dem_pore_partner, only: add_partner, add_yield, book_partner, move_partner, node_storage, &
     take_yield
+  use dem_pore_mixing, only: add_mixing, begin_mixing, pore_mixing_type
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
@@ -40,7 +41,9 @@ contains
   subroutine end_exchange(d, time)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: time
-    real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, source, c, inflow, before, cut
+    real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, mixed, source, c, inflow, &
+      before, cut
+    type(pore_mixing_type) :: mixing
     real(wp) :: span, power, field(4, 3, brick_count(d%pore%grid)), way(6, d%pore%fit%tools%n)
 
     if (.not. d%pore%open) return
@@ -57,11 +60,14 @@ contains
       call add_partner(pore, span, hull)
       flow = 0.0_wp
       call add_flow(pore%grid, pore%mobility, pore%p, flow, power)
+      mixed = 0.0_wp
+      call begin_mixing(pore, mixing)
+      call add_mixing(mixing, 1.0_wp, pore%p, mixed)
       source = 0.0_wp
       call add_sources(pore, source)
       call node_storage(pore, c)
       before = pore%omega
-      pore%omega = before + moved + hull + cut - span*(flow - source)
+      pore%omega = before + moved + hull + cut - span*(flow + mixed - source)
       inflow = 0.0_wp
       where (pore%hold > 0)
         inflow = c*pore%hold_p - pore%omega
@@ -72,7 +78,8 @@ contains
       call book_tools(d, way)
       pore%sums(sum_swept) = pore%sums(sum_swept) + sum(cut)
       pore%sums(sum_exchange) = pore%sums(sum_exchange) + sum(pore%p*(pore%omega - before)) &
-                                - (0.5_wp*sum(c*pore%p**2) - pore%stored)
+                                - (0.5_wp*sum(c*pore%p**2) - pore%stored) &
+                                + span*sum(pore%p*mixed)
       pore%stored = 0.5_wp*sum(c*pore%p**2)
       call add_seepage(pore, span*flow)
       call book_partner(pore, span, inflow, hydrostatic(pore%grid, &
@@ -271,7 +278,8 @@ contains
     end associate
   end subroutine begin_exchange
 
-  !> C p + T L p + T^2 D M^-1 D' p = omega + T (D v + q), or p where it cavitates. eqs. D.38, D.42
+  !> C p + T (L + S) p + T^2 D M^-1 D' p = omega + T (D v + q), or p where it cavitates.
+  !! eqs. D.38, D.42, D.80
   subroutine predict(d, field, cavitation, errors)
     type(dem_data_type), intent(inout) :: d
     real(wp), intent(in) :: field(:, :, :)  !! of the grains' velocities
@@ -290,6 +298,8 @@ contains
       call add_sources(pore, rate)
       call node_storage(pore, e%storage)
       call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
+      call begin_mixing(pore, e%mixing)
+      e%span = pore%span
       call give_way(d, pore%span, e%give)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
       e%rhs = pore%omega + pore%span*rate

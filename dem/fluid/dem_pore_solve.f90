@@ -3,6 +3,7 @@ module dem_pore_solve
   use talus_kinds, only: wp, i4
   use dem_pore_state, only: pore_grid_type
   use dem_pore_grid, only: brick_count, corners_of
+  use dem_pore_mixing, only: add_mixing, mixing_diagonal, pore_mixing_type
   implicit none
   private
   public :: pore_equations_type, solve_pressure, apply
@@ -10,13 +11,15 @@ module dem_pore_solve
   real(wp), parameter :: close = 1.0e-10_wp  !! residual over the right-hand side
   integer(i4), parameter :: most = 2000      !! turns
 
-  !> (C + matrices + give give') p = rhs.
+  !> (C + matrices + span S + give give') p = rhs.
   type :: pore_equations_type
     real(wp), allocatable :: storage(:)       !! (nodes) diagonal C [m^3/Pa]
     real(wp), allocatable :: matrix(:, :, :)  !! (8, 8, bricks) [m^3/Pa]
     real(wp), allocatable :: rhs(:)           !! (nodes) [m^3]
     real(wp), allocatable :: give(:, :)       !! (nodes, n) its columns' outer products add to the
                                               !! matrix: free bodies give way
+    type(pore_mixing_type) :: mixing          !! S
+    real(wp) :: span = 0.0_wp                 !! for which it mixes; 0: it does not [s]
   end type pore_equations_type
 
 contains
@@ -99,6 +102,7 @@ contains
     real(wp), intent(out) :: product(:)
     integer(i4) :: k
     call multiply_bricks(equations%storage, equations%matrix, brick, corner, p, product)
+    if (equations%span > 0.0_wp) call add_mixing(equations%mixing, equations%span, p, product)
     if (.not. allocated(equations%give)) return
     do k = 1, size(equations%give, 2)
       product = product + dot_product(equations%give(:, k), p)*equations%give(:, k)
@@ -138,6 +142,8 @@ contains
         diagonal(node(a)) = diagonal(node(a)) + equations%matrix(a, a, c)
       end do
     end do
+    if (equations%span > 0.0_wp) diagonal = diagonal + equations%span* &
+      mixing_diagonal(equations%mixing, size(diagonal, kind=i4))
     if (allocated(equations%give)) diagonal = diagonal + sum(equations%give**2, 2)
     where (.not. diagonal > 0.0_wp) diagonal = tiny(1.0_wp)**0.5_wp
   end subroutine diagonal_of

@@ -24,12 +24,13 @@ START, REST = 2.0e-4, 1.5e-3  # of the tip above the lid [m], until it moves in 
 VISCOSITY = 1.0e-3  # [Pa s]
 FIELDS = Path(__file__).parent  # of the decks
 SPEEDS = {"v0.01": 0.01, "v0.3": 0.3, "v3": 3.0, "v30": 30.0, "v1000": 1000.0}  # v d / c_v
-KINDS = ["dry", "sealed", *SPEEDS]
+KINDS = ["dry", "sealed", "cavitated", *SPEEDS]
 DRAINS = "".join(f"&drain     side = '{side}', pressure = 0.0 /\n" for side in ("x0", "x1", "y0", "y1"))
+NEVER, BOILS = 1.0e9, 1.0e5  # tension at which the liquid parts, where it does not and where it does [Pa]
 LIQUID = """
 &fluid     id = 'water', density = 1000.0, viscosity = 1.0e-3, bulk_modulus = 2.2e8 /
 &pore_grid fluid = 'water', lower = 0.0, 0.0, 0.0, upper = @east@, @north@, @top@, bricks = 4, 4, 4, surface = 'closed',
-           exchange = 2, fluctuation = .false., cavitation = 1.0e9, permeability_factor = FACTOR /
+           exchange = 2, fluctuation = .false., cavitation = BOILS, permeability_factor = FACTOR /
 """
 
 
@@ -101,6 +102,7 @@ def liquid(kind: str, name: str) -> str:
     modulus, (_, permeability) = stiffness(name), pores(name)
     wanted = SPEED * CONE * VISCOSITY / (modulus * SPEEDS.get(kind, SPEEDS["v1000"]))
     text = LIQUID.replace("FACTOR", f"{wanted / permeability:.6g}")
+    text = text.replace("BOILS", f"{BOILS if kind == 'cavitated' else NEVER:.1e}")
     return text + (DRAINS if kind in SPEEDS else "")
 
 

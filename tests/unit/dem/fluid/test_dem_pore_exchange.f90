@@ -6,8 +6,10 @@ program test_dem_pore_exchange
   use dem_archive, only: dem_archive_type
   use dem_law, only: make_linear_law
   use dem_make, only: make_grains, make_planes
-  use dem_pore_exchange, only: begin_exchange, end_exchange
+  use dem_pore_exchange, only: begin_exchange, book_liquid, end_exchange
   use dem_pore_laws, only: law_index
+  use dem_pore_mixing, only: alternating
+  use dem_pore_partner, only: node_storage
   use dem_pore_start, only: begin_pore, carry_liquid
   use dem_pore_state, only: drain_pressure, sum_work, sum_swept, sum_inflow, sum_drag
   use dem_state, only: kind_free, kind_driven
@@ -21,6 +23,7 @@ program test_dem_pore_exchange
   call check_cloud()
   call check_box()
   call check_cavity()
+  call check_mixing()
   call check_strain()
   call check_drift()
   call check_restart()
@@ -190,6 +193,36 @@ contains
     call s%refresh_ledger()
     call test%check_close('ledger', s%closure()/s%ledger%liquid_flow, 0.0_wp, 1.0e-9_wp)
   end subroutine check_cavity
+
+  !> Volumes of +1 and -1 in turn, which press no grain, mix until nothing is left; sums stay and
+  !! what is lost is in the ledger.
+  subroutine check_mixing()
+    type(dem_system_type) :: s
+    type(error_list_type) :: errors
+    real(wp), parameter :: high = 1.0e4_wp  !! [Pa]
+    real(wp) :: content, closure, stored, c(27)
+    integer(i4) :: a
+    call make_cloud(s, 0.0_wp, .false.)
+    call s%init(errors)
+    call advance(s, 4, errors)
+    call node_storage(s%pore, c)
+    s%pore%omega = high*c*[((-1)**a, a=1, size(c))]  ! of 3 x 3 x 3 nodes
+    content = sum(s%pore%omega)
+    stored = 0.5_wp*sum(s%pore%omega**2/c)
+    s%pore%stored = stored
+    call book_liquid(s%dem_data_type)
+    call s%refresh_ledger()
+    closure = s%closure()
+    call advance(s, 4, errors)
+    call test%check('they are mixed', alternating(s%pore) < 1.0e-3_wp*high)
+    call advance(s, 40, errors)
+    call test%check('for good', alternating(s%pore) < 1.0e-6_wp*high)
+    call test%check_close('nothing came or went', (sum(s%pore%omega) - content)/edge**3, 0.0_wp, &
+                          1.0e-16_wp)
+    call s%refresh_ledger()
+    call test%check('what they stored is lost', s%pore%stored < 1.0e-6_wp*stored)
+    call test%check_close('ledger', (s%closure() - closure)/stored, 0.0_wp, 1.0e-9_wp)
+  end subroutine check_mixing
 
   !> A uniform strain is not dragged.
   subroutine check_strain()
