@@ -181,16 +181,21 @@ contains
     end associate
   end subroutine mean_motion
 
-  !> Is the motion of an interval small beside the whole of it? Not where a load has just come: what
-  !! it moves at first is no steady motion. Exchanges in pieces need not be so careful: they get
-  !! shorter where springs overshoot.
+  !> Is the motion of an interval small beside the whole of it? With a liquid, that lets go of what
+  !! it bears bit by bit, also where it is hardly another than those before. Not where a load has
+  !! just come: what it moves at first is no steady motion. Exchanges in pieces need not be so
+  !! careful: they get shorter where springs overshoot.
   pure logical function is_steady(self)
     class(interface_type), intent(in) :: self
-    real(wp), parameter :: small = 0.005_wp, in_pieces = 0.1_wp
+    real(wp), parameter :: small = 0.005_wp, in_pieces = 0.1_wp, alike = 0.3_wp
     real(wp) :: share
     share = small
     if (self%pieces%most > 1) share = in_pieces/self%pieces%now
-    is_steady = maxval(abs(self%motion%drift)) <= share*maxval(abs(self%motion%w_new))
+    associate (m => self%motion)
+      is_steady = maxval(abs(m%drift)) <= share*maxval(abs(m%w_new))
+      if (self%pore%active .and. .not. is_steady) &
+        is_steady = maxval(abs(m%w_new - m%w - m%drift)) <= alike*maxval(abs(m%drift))
+    end associate
   end function is_steady
 
   !> Springs are laid ahead of the ghosts by the steady part of their motion, so that they do not

@@ -128,6 +128,22 @@ def sinking(case: Case, name: str, below: bool, step: int, grains: list) -> tupl
     return HEIGHT - 0.5 * D, float((x - grains[step].grains["x"][:, 2])[top].mean())
 
 
+def judge_lag(case: Case) -> None:
+    """Judge that springs carry what the ghosts push while pressures fall fastest beside them."""
+    for name, below in (("falling", True), ("draining", False)):
+        prepare(case, name, below, 310 * EXCHANGE, outputs=310 // 10)
+        case.run("talus-couple", f"coupled_{name}.nml")
+        off = 0.0
+        for step in range(16, 32):
+            z, p, time = pressures(case, name, step)
+            factor = SPEED * (time - 0.5 * RAMP) / HEIGHT**2
+            off = max(off, float(np.abs(p - series(HEIGHT - z, factor)).max() / LOAD))
+        case.below(f"{name}, T = 0.03 to 0.06: pressures, error / load", off, 0.005)
+        audit = read_history(case.folder / f"coupled_{name}_audit.csv")
+        lag = float(audit["force_lag"][audit["time"] > 0.5 * audit["time"][-1]].max())
+        case.below(f"{name}: force that the solid does not carry, share", lag, 0.02)
+
+
 def judge_sealed(case: Case) -> None:
     """Judge the pressure of grains under dry elements that let no liquid through."""
     prepare(case, "sealed", True, 100 * EXCHANGE)
@@ -259,6 +275,7 @@ def run(case: Case) -> None:
     judge_column(case, "early", False)
     axes[0].set(ylabel="depth [mm]")
     axes[0].invert_yaxis()
+    judge_lag(case)
     judge_sealed(case)
     judge_rest(case)
     judge_bits(case)

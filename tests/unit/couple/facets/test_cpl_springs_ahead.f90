@@ -20,9 +20,25 @@ program test_cpl_springs_ahead
     call run(contact(k), 1.0_wp, 1500, lag, left(1))
     call test%check('no springs hold a steady motion', lag < 1.0e-6_wp)
   end do
+  call check_steady()
   call test%finish()
 
 contains
+
+  !> A motion is steady that is small beside the whole, or one like those before it.
+  subroutine check_steady()
+    type(interface_type) :: face
+    allocate (face%motion%w(3, 1), face%motion%w_new(3, 1), face%motion%drift(3, 1), source=0.0_wp)
+    face%motion%w_new = 1.0_wp
+    face%motion%drift = 0.004_wp
+    call test%check('small beside the whole', face%is_steady())
+    face%motion%drift = 0.8_wp
+    call test%check('not small, without a liquid', .not. face%is_steady())
+    face%pore%active = .true.
+    call test%check('a quarter more than before', face%is_steady())
+    face%motion%drift = 0.7_wp
+    call test%check('a load has come', .not. face%is_steady())
+  end subroutine check_steady
 
   !> Exchanges under a load that grows by so much in each; what the springs hold of the motion of
   !! an exchange, and the largest error of the last five.
