@@ -29,7 +29,7 @@ for seed in $seeds; do
   done
 done
 for seed in $seeds; do
-  for kind in dry sealed v3 v0.01 v1000; do
+  for kind in dry sealed cavitated v3 v0.01 v1000; do
     for density in dense loose; do alone "${density}_${seed}_$kind"; done
   done
 done
