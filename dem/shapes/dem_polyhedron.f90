@@ -192,11 +192,13 @@ contains
   end function turn_at
 
   !> Of the sector of the ball at vertex v, whose directions lie between the normals of its faces.
+  !! In the second moment about v what edges give beyond the isotropic part is left out: at the other
+  !! end of the edge it has the opposite sign.
   pure function ball_sector(p, x, v) result(sums)
     type(polyhedron_type), intent(in) :: p
     real(wp), intent(in) :: x(:, :)
     integer(i4), intent(in) :: v
-    real(wp) :: sums(10), angle, first(3), second(3, 3), away(3), arc(3), turn
+    real(wp) :: sums(10), angle, first(3), second(3, 3), away(3)
     integer(i4) :: k, j
 
     angle = 2.0_wp*acos(-1.0_wp) - angles_of_faces(p, x, v)
@@ -207,13 +209,10 @@ contains
       if (j == 0) cycle
       away = x(:, p%edge(3 - j, k)) - x(:, v)
       away = away/norm2(away)
-      turn = turn_at(p, k)
-      arc = tan(0.5_wp*turn)*(p%normal(:, p%edge(3, k)) + p%normal(:, p%edge(4, k)))
-      first = first - 0.5_wp*turn*away
-      second = second - outer(arc, away)/3.0_wp
+      first = first - 0.5_wp*turn_at(p, k)*away
     end do
     do k = 1, 3
-      second(k, k) = second(k, k) + angle/3.0_wp
+      second(k, k) = angle/3.0_wp
     end do
     associate (r => p%radius)
       sums = moved(x(:, v), r**3/3.0_wp*angle, r**4/4.0_wp*first, r**5/5.0_wp*second)

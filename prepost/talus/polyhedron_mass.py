@@ -85,7 +85,7 @@ def about(point: np.ndarray, volume: float, first: np.ndarray, second: np.ndarra
 def sectors(core: Hull, r: float) -> list[Sums]:
     """Return the integrals over the sectors of cylinders and of balls."""
     found, k = [], len(core.x)
-    angle, first, second = np.full(k, 2.0 * np.pi), np.zeros((k, 3)), np.zeros((k, 3, 3))
+    angle, first = np.full(k, 2.0 * np.pi), np.zeros((k, 3))
     for a, b, one, other in core.edges():
         m, n = core.normal[one], core.normal[other]
         turn = np.arctan2(np.linalg.norm(np.cross(m, n)), m @ n)
@@ -107,14 +107,11 @@ def sectors(core: Hull, r: float) -> list[Sums]:
         found.append(about(0.5 * (core.x[a] + core.x[b]), length * r**2 * turn / 2.0, push, tensor))
         for end, away in ((a, along), (b, -along)):
             first[end] -= 0.5 * turn * away
-            second[end] -= np.outer(np.tan(0.5 * turn) * (m + n), away) / 3.0
     for face in core.faces:
         for before, here, after in zip(np.roll(face, 1), face, np.roll(face, -1), strict=True):
             p, q = core.x[before] - core.x[here], core.x[after] - core.x[here]
             angle[here] -= np.arctan2(np.linalg.norm(np.cross(p, q)), p @ q)
-    for v in range(k):
-        tensor = 0.5 * (second[v] + second[v].T) + angle[v] / 3.0 * np.eye(3)
-        found.append(
-            about(core.x[v], r**3 / 3.0 * angle[v], r**4 / 4.0 * first[v], r**5 / 5.0 * tensor)
-        )
+    for v in range(k):  # anisotropic parts of second moments cancel at the other end of each edge
+        tensor = r**5 / 15.0 * angle[v] * np.eye(3)
+        found.append(about(core.x[v], r**3 / 3.0 * angle[v], r**4 / 4.0 * first[v], tensor))
     return found
