@@ -192,8 +192,8 @@ contains
   end function turn_at
 
   !> Of the sector of the ball at vertex v, whose directions lie between the normals of its faces.
-  !! In the second moment about v what edges give beyond the isotropic part is left out: at the other
-  !! end of the edge it has the opposite sign.
+  !! In the second moment about v what edges give beyond the isotropic part is left out: at the
+  !! other end of the edge it has the opposite sign.
   pure function ball_sector(p, x, v) result(sums)
     type(polyhedron_type), intent(in) :: p
     real(wp), intent(in) :: x(:, :)
