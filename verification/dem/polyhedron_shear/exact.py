@@ -1,4 +1,4 @@
-"""Critical states of spheres and rounded cubes under simple shear at constant pressure."""
+"""Strength of spheres and rounded cubes under simple shear at constant pressure."""
 
 import argparse
 
