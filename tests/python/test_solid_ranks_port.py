@@ -13,7 +13,7 @@ from talus.mesh import Mesh, box, write_mesh
 STEP = 1.0e-5
 DECK = """&run      title = 'Block', gravity = 0.0, 0.0, -9.81 /
 &mesh     file = 'block.h5' /
-&material id = 'soil', density = 1500.0, {law} /
+&{group} id = 'soil', density = 1500.0, {law} /
 &section  group = 'all', material = 'soil', element = '{element}' /
 &support  group = 'z0', fix = 'x', 'y', 'z' /
 &traction group = 'x1', value = -100.0, 0.0, 50.0, curve = 'up' /
@@ -21,12 +21,14 @@ DECK = """&run      title = 'Block', gravity = 0.0, 0.0, -9.81 /
 &curve    id = 'up', times = 0.0, 1.0e-3, values = 0.0, 1.0 /
 &analysis kind = '{kind}'{more} /
 """
-USUAL = {"element": "hex8_bbar", "more": "", "follower": ".false."}
+USUAL = {"element": "hex8_bbar", "more": "", "follower": ".false.", "group": "material"}
 ELASTIC = "young = 5.0e6, poisson = 0.3"
 PLASTIC = "law = 'drucker_prager', young = 5.0e6, poisson = 0.3, cohesion = 100.0, " \
     "friction_deg = 25.0, dilation_deg = 5.0, hardening = 1.0e6"  # fmt: skip
 POLAR = ("law = 'micropolar', micro_inertia = 1.0e-4, kappa = 2.0e6, alpha = 0.0, beta = 1.0, "
          "gamma = 20.0, lambda = 3.0e6, mu = 2.0e6")  # fmt: skip
+MICRO = ("micro_inertia = 1.0e-4, lambda = 2.9e6, mu = 0.7e6, eta = 6.0e6, tau = 1.0e6, "
+         "kappa = 1.0e6, nu = 0.8e6, sigma = 0.5e6, taus = 0, 0, 0, 0, 0, 0, 500.0, 0, 0, 0, 0")
 FINITE = "law = 'neo_hookean', young = 5.0e6, poisson = 0.3"
 RAYLEIGH = ", rayleigh_mass = 5.0, rayleigh_stiffness = 1.0e-6"
 
@@ -164,9 +166,9 @@ def plastic(asker: Partner, block: Block, steps: Callable) -> Script:
     return kept + describe(asker)
 
 
-def polar(asker: Partner, block: Block) -> Script:
-    """Prescribe turns, and step together."""
-    kept = describe(asker) + select(asker, block, "u,phi") + weigh(asker, block, 8 * block.elements)
+def polar(asker: Partner, block: Block, fields: str = "u,phi") -> Script:
+    """Prescribe turns, or micro-deformations, and step together."""
+    kept = describe(asker) + select(asker, block, fields) + weigh(asker, block, 8 * block.elements)
     return kept + step_together(asker, block)
 
 
@@ -184,6 +186,8 @@ RUNS = {
     "yielding_together": (dict(kind="explicit", law=PLASTIC),
                           lambda a, b: plastic(a, b, lambda p, q: step_together(p, q, 20.0))),
     "polar": (dict(kind="explicit", law=POLAR, element="hex8/hex8"), polar),
+    "micromorphic": (dict(kind="explicit", law=MICRO, element="hex8/hex8", group="micromorphic"),
+                     lambda a, b: polar(a, b, "u,chi")),
 }  # fmt: skip
 
 
