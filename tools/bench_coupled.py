@@ -4,9 +4,9 @@ A block of hexahedra has a pit, open above. Spheres fill it on a lattice; those 
 and its floor are ghosts on its facets, the others fall and press upon them. All bodies have the
 constants of bench_beds.py. Written are pit.h5, mesh.h5, grains.nml, solid.nml and coupled.nml.
 
-The share of the coupling is that of processor time: what talus-couple takes, and what the timer
-`port` of each solver takes, over what all programs take, all of it from the first exchange to the
-last. Waits, which may burn processor time, are in none of them but in the whole.
+Printed are the timers of the three programs, how long the grains waited for the coupling (of the
+time of the exchanges), the most memory of each program and the processor time of all. What of that
+the coupling takes in talus-dem, in its ledger and in exact sums, a profile tells (manual, Ranks).
 
 Usage: bench_coupled.py --out FOLDER [--wide 111] [--deep 79] [--exchanges 100] [--steps 10]
        [--bin build/bin] [--check | --run]
@@ -126,8 +126,9 @@ def peaks(process: subprocess.Popen) -> dict[str, float]:
             for pid in (str(process.pid), *below):
                 page = Path(f"/proc/{pid}/status").read_text()
                 name, peak = (re.search(rf"{key}:\s+(\S+)", page) for key in ("Name", "VmHWM"))
-                if peak:
-                    most[name[1]] = int(peak[1]) / 1024.0
+                own = "talus-couple" if pid == str(process.pid) else name[1]  # it starts anew
+                if peak and own != "exe":  # not yet the program that it becomes
+                    most[own] = int(peak[1]) / 1024.0
         except FileNotFoundError:
             continue
     return most
