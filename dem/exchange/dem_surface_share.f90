@@ -71,6 +71,7 @@ contains
     call broadcast_matrix(team, s%rigid%free)
     call broadcast_list(team, s%rigid%mass)
     call broadcast_matrix(team, s%rigid%inertia)
+    call broadcast_matrix(team, s%rigid%frame)
     if (allocated(s%rigid%acting)) deallocate (s%rigid%acting)
     allocate (s%rigid%acting(6, s%n), source=0.0_wp)
     do b = 1, s%n

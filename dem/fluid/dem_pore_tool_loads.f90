@@ -1,13 +1,12 @@
 !> Loads of the liquid on closed bodies, how free ones give way to pressures, and the works.
 module dem_pore_tool_loads
   use talus_kinds, only: wp, i4
-  use dem_ellipsoid, only: rotation_of
   use dem_pore_cavity, only: hydrostatic
   use dem_pore_state, only: sum_work, sum_drag, sum_tools, sum_held_drag
   use dem_pore_tips, only: load_tips
   use dem_pore_tools, only: tool_loads, tool_lift
   use dem_state, only: dem_data_type
-  use dem_surface_body, only: body_energy, is_free, set_liquid, turns_freely
+  use dem_surface_body, only: body_energy, is_free, principal_axes, set_liquid, turns_freely
   implicit none
   private
   public :: load_tools, hold_loads, give_way, book_tools
@@ -69,7 +68,7 @@ contains
         if (.not. is_free(s, b)) cycle
         scale = span/sqrt([s%rigid%mass(b), s%rigid%mass(b), s%rigid%mass(b), &
                            s%rigid%inertia(:, b)])
-        r = rotation_of(s%quat(:, b))
+        r = principal_axes(s, b)
         do j = 1, 6
           if (s%rigid%free(j, b) < 0.5_wp) cycle
           n = n + 1

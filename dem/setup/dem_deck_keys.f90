@@ -857,8 +857,9 @@ contains
     call table%magnitude(0.0_wp, 1e+21_wp)
     call table%add_key('density', 'real', 'kg/m3', &
       'Density, in place of mass and inertia: both, and the centre of the surface, ' &
-      //'follow from the volume that a closed mesh or a cylinder with ends encloses. If ' &
-      //'it turns about all three axes, these must be its principal ones (D287).')
+      //'follow from the volume that a closed mesh or a cylinder with ends encloses. A ' &
+      //'body that turns about all three axes may lie as it likes: its principal axes are' &
+      //' found.')
     call table%bounds(above=0.0_wp)
     call table%magnitude(1e-15_wp, 1e+24_wp)
     call table%excludes('mass|inertia')

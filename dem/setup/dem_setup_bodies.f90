@@ -5,7 +5,9 @@ module dem_setup_bodies
   use talus_text, only: string_type
   use talus_deck, only: deck_type
   use talus_log, only: short_number
+  use talus_vectors, only: cross
   use talus_suggest, only: did_you_mean
+  use dem_shape_mass, only: diagonalise, quaternion_of
   use dem_surface_body, only: no_free_bodies, set_load, is_free
   use dem_surface_solid, only: encloses, solid_of_body
   use dem_surface_state, only: dem_surfaces_type, is_cylinder
@@ -69,13 +71,14 @@ contains
     call check_body(deck, k, s, b, errors)
   end subroutine read_body
 
-  !> Mass and moments of inertia of body b from a density (D287).
+  !> Mass and moments of inertia of body b from a density (D287); of one that turns about all three
+  !! axes the principal moments and axes.
   subroutine weigh(deck, k, b, s, errors)
     type(deck_type), intent(in) :: deck
     integer(i4), intent(in) :: k, b
     type(dem_surfaces_type), intent(inout) :: s
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: density, volume, away(3), inertia(3, 3), mixed
+    real(wp) :: density, volume, away(3), inertia(3, 3), mixed, axes(3, 3)
     integer(i4) :: j
 
     if (.not. encloses(s, b)) then
@@ -93,12 +96,28 @@ contains
                       short_number(norm2(away))//' m beside its mass centre', 'body', k, &
                       'density', 'leave the centre of the surface out')
     mixed = max(abs(inertia(1, 2)), abs(inertia(1, 3)), abs(inertia(2, 3)))
-    if (all(s%rigid%free(4:, b) > 0.5_wp) .and. mixed > near*maxval(abs(inertia))) &
-      call deck%fault(errors, 'D287', "x, y, z are no principal axes of surface '"// &
-                      s%name(b)%s//"': a product of inertia is "//short_number(density*mixed)// &
-                      ' kg m2', 'body', k, 'density', 'turn the mesh so that its principal '// &
-                      'axes lie along x, y, z')
+    if (.not. all(s%rigid%free(4:, b) > 0.5_wp) .or. mixed <= near*maxval(abs(inertia))) return
+    call principal_inertia(inertia, s%rigid%inertia(:, b), axes)
+    s%rigid%inertia(:, b) = density*s%rigid%inertia(:, b)
+    s%rigid%frame(:, b) = quaternion_of(axes)
   end subroutine weigh
+
+  !> Principal moments, rising, and their axes as columns of a rotation: the splitting of a free
+  !! rotation depends on the order of the axes, and shall not on how a body lies.
+  subroutine principal_inertia(inertia, moment, axes)
+    real(wp), intent(inout) :: inertia(3, 3)
+    real(wp), intent(out) :: moment(3), axes(3, 3)
+    integer(i4) :: order(3)
+
+    call diagonalise(inertia, axes)
+    moment = [inertia(1, 1), inertia(2, 2), inertia(3, 3)]
+    order(1) = minloc(moment, 1)
+    order(3) = maxloc(moment, 1, back=.true.)
+    order(2) = 6 - order(1) - order(3)
+    moment = moment(order)
+    axes = axes(:, order)
+    axes(:, 3) = cross(axes(:, 1), axes(:, 2))
+  end subroutine principal_inertia
 
   !> The surface that a body names (D286).
   subroutine find_body(deck, k, s, b, errors)

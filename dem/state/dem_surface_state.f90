@@ -100,7 +100,8 @@ module dem_surface_state
     real(wp), allocatable :: free(:, :)     !! (6, n) 1: moves along x, y, z, turns about them by
                                             !! forces; empty: no body does
     real(wp), allocatable :: mass(:)        !! (n) of free bodies, else 0 [kg]
-    real(wp), allocatable :: inertia(:, :)  !! (3, n) about x, y, z at the start [kg m^2]
+    real(wp), allocatable :: inertia(:, :)  !! (3, n) about the axes of frame [kg m^2]
+    real(wp), allocatable :: frame(:, :)    !! (4, n) principal axes at the start, w x y z
     real(wp), allocatable :: given(:, :)    !! (6, n) load: force, moment [N], [N m]
     real(wp), allocatable :: liquid(:, :)   !! (6, n) of a liquid among the grains, none without
                                             !! [N], [N m]

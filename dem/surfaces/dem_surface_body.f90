@@ -6,12 +6,12 @@
 module dem_surface_body
   use talus_kinds, only: wp, i4
   use dem_integrate, only: motion_type, work_count
-  use dem_ellipsoid, only: rotation_of
+  use dem_ellipsoid, only: rotation_of, quaternion_product
   use dem_surface_state, only: dem_surfaces_type
   implicit none
   private
   public :: no_free_bodies, set_load, set_loads, set_liquid, push_bodies, turn_free, turns_freely
-  public :: body_energy, held_power, load_left, is_free
+  public :: body_energy, held_power, load_left, is_free, principal_axes
 
 contains
 
@@ -19,7 +19,8 @@ contains
   subroutine no_free_bodies(s)
     type(dem_surfaces_type), intent(inout) :: s
     allocate (s%rigid%free(6, s%n), s%rigid%mass(s%n), s%rigid%inertia(3, s%n), &
-              s%rigid%given(6, s%n), source=0.0_wp)
+              s%rigid%given(6, s%n), s%rigid%frame(4, s%n), source=0.0_wp)
+    s%rigid%frame(1, :) = 1.0_wp
   end subroutine no_free_bodies
 
   !> The given load of body b: force and moment [N], [N m].
@@ -69,6 +70,14 @@ contains
     if (allocated(s%rigid%free)) turns_freely = all(s%rigid%free(4:, b) > 0.5_wp)
   end function turns_freely
 
+  !> Principal axes of body b now, as columns.
+  pure function principal_axes(s, b) result(r)
+    type(dem_surfaces_type), intent(in) :: s
+    integer(i4), intent(in) :: b
+    real(wp) :: r(3, 3)
+    r = rotation_of(quaternion_product(s%quat(:, b), s%rigid%frame(:, b)))
+  end function principal_axes
+
   !> What acts on body b in its free directions: contacts, given load, liquid, weight [N], [N m].
   pure function load_left(s, b, gravity) result(load)
     type(dem_surfaces_type), intent(in) :: s
@@ -103,7 +112,7 @@ contains
       if (any(s%rigid%free(:3, b) > 0.5_wp)) &
         s%velocity(:, b) = s%velocity(:, b) + half/s%rigid%mass(b)*load(1:3)
       if (turns_freely(s, b)) then
-        r = rotation_of(s%quat(:, b))
+        r = principal_axes(s, b)
         s%spin(:, b) = s%spin(:, b) + half*matmul(r, matmul(load(4:6), r)/s%rigid%inertia(:, b))
       else if (any(s%rigid%free(4:, b) > 0.5_wp)) then
         where (s%rigid%free(4:, b) > 0.5_wp) &
@@ -143,7 +152,7 @@ contains
     if (.not. any(s%rigid%free(4:, b) > 0.5_wp)) return
     spin = s%spin(:, b)
     if (turns_freely(s, b)) then
-      r = rotation_of(s%quat(:, b))
+      r = principal_axes(s, b)
       spin = matmul(spin, r)
       load(4:6) = matmul(load(4:6), r)
     end if
@@ -153,8 +162,9 @@ contains
   end function body_energy
 
   !> Free rotation by dt: five turns about body axes (Dullweber, Leimkuhler & McLachlan).
-  pure subroutine turn_free(inertia, dt, quat, spin)
-    real(wp), intent(in) :: inertia(3)  !! about the body's axes [kg m^2]
+  pure subroutine turn_free(inertia, frame, dt, quat, spin)
+    real(wp), intent(in) :: inertia(3)  !! about the principal axes [kg m^2]
+    real(wp), intent(in) :: frame(4)    !! these axes at the start [-]
     real(wp), intent(in) :: dt          !! [s]
     real(wp), intent(inout) :: quat(4)  !! turn since the start [-]
     real(wp), intent(inout) :: spin(3)  !! [rad/s]
@@ -163,14 +173,14 @@ contains
     real(wp) :: l(3), q(4), r(3, 3)
     integer(i4) :: k
 
-    q = quat
+    q = quaternion_product(quat, frame)
     r = rotation_of(q)
     l = inertia*matmul(spin, r)
     do k = 1, 5
       call turn_about(about(k), 0.5_wp*part(k)*dt/inertia(about(k)), l, q)
     end do
     q = q/sqrt(sum(q*q))
-    quat = q
+    quat = quaternion_product(q, [frame(1), -frame(2:)])
     spin = matmul(rotation_of(q), l/inertia)
   end subroutine turn_free
 

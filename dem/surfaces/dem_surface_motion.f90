@@ -35,7 +35,7 @@ contains
       if (.not. any(abs([s%velocity(:, b), s%spin(:, b)]) > 0.0_wp)) cycle
       s%centre(:, b) = s%centre(:, b) + dt*s%velocity(:, b)
       if (turns_freely(s, b)) then
-        call turn_free(s%rigid%inertia(:, b), dt, s%quat(:, b), s%spin(:, b))
+        call turn_free(s%rigid%inertia(:, b), s%rigid%frame(:, b), dt, s%quat(:, b), s%spin(:, b))
       else if (any(abs(s%spin(:, b)) > 0.0_wp)) then
         q = quaternion_product(quaternion_from_rotation(dt*s%spin(:, b)), s%quat(:, b))
         s%quat(:, b) = q/sqrt(sum(q*q))

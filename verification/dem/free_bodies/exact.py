@@ -10,6 +10,7 @@ from talus.verification import Case, read_history, write_packing
 
 G, YOUNG, NU, DENSITY, R = 9.81, 1.0e9, 0.25, 2650.0, 2.0e-3
 INERTIA = np.array([3.0e-6, 5.0e-6, 7.0e-6])  # of the body that flies [kg m2]
+LEAN = np.array([[2.0, -1.0, 2.0], [2.0, 2.0, -1.0], [-1.0, 2.0, 2.0]]) / 3.0  # a rotation
 PLATE, LOAD = 0.05, 5.0  # dead load: mass and force [kg], [N]
 ROUNDING = 1.0e-9  # between histories on ranks, over the largest value of their unit
 
@@ -18,6 +19,7 @@ def run(case: Case) -> None:
     """Four runs, each with its own closed form or balance; restart and threads of the last."""
     fly(case)
     fly_by_density(case)
+    fly_leaning(case)
     bounce = fall(case)
     ledger = [roll(case), press(case)]
     case.below("ledger of plank and plate", max_of(ledger), 1e-4)
@@ -101,15 +103,53 @@ def fly_by_density(case: Case) -> None:
                float(np.abs(size / size[0] - 1.0).max()), 1e-12)  # fmt: skip
 
 
-def write_brick(path: Path, corner: np.ndarray, edge: np.ndarray) -> None:
-    """Write the twelve triangles of a brick as STL in text."""
+def fly_leaning(case: Case) -> None:
+    """Throw the brick of `fly_by_density` turned: its axes are found, and all turns with it."""
+    edge, density = np.array([0.1, 0.06, 0.04]), 2000.0
+    end, spin = 0.1, LEAN @ np.array([20.0, 1.0, 30.0])
+    write_brick(case.folder / "lean.stl", np.array([0.2, -0.1, 0.3]), edge, LEAN)
+    go(case, "lean", f"""&run title = 'Leaning brick', t_end = {end} /
+&surface id = 'lean', file = 'lean.stl', material = 'grain', scale = 1.0, closed = .true.,
+  spin = {", ".join(f"{w:.16e}" for w in spin)} /
+&body surface = 'lean', free = 'x', 'y', 'z', 'rx', 'ry', 'rz', density = {density} /
+&fixed ids = 1 /
+&dynamics dt = 1.0e-5 /
+&history every_time = 1.0e-3 /
+&checkpoint every_time = 0.05, keep = 9 /
+""", np.array([[0.0, 0.0, -1.0]]))  # fmt: skip
+    rows = read_history(case.folder / "lean_bodies.csv")
+    turn = np.stack([rows[f"turn_{c}"] for c in "wxyz"], -1)
+    inertia = density * edge.prod() / 12.0 * ((edge**2).sum() - edge**2)
+    inside = body_spin(rows, turn[:, 0], turn[:, 1:]) @ LEAN
+    momentum = (inertia * inside) @ LEAN.T
+    back = {f"spin_{c}": momentum[:, k] for k, c in enumerate("xyz")}
+    momentum = body_spin(back, turn[:, 0], -turn[:, 1:])
+    change = np.linalg.norm(momentum - momentum[0], axis=1) / np.linalg.norm(momentum[0])
+    case.below("leaning brick, change of the vector of angular momentum",
+               float(change.max()), 1e-11)  # fmt: skip
+    other = read_history(case.folder / "brick_bodies.csv")
+    spins = [np.stack([r[f"spin_{c}"] for c in "xyz"], -1) for r in (rows, other)]
+    apart = np.abs(spins[0] - spins[1] @ LEAN.T).max() / np.abs(spins[1]).max()
+    case.below("leaning brick, spin less that of the straight one", float(apart), 1e-9)
+    energy = read_history(case.folder / "lean_energy.csv")
+    case.below("ledger of the leaning brick", float(energy["relative_closure"].max()), 1e-9)
+    kept = {"lean_bodies.csv": (case.folder / "lean_bodies.csv").read_text()}
+    case.run("talus-dem", "lean.nml", "--restart=lean.chk.1.h5")
+    case.same_histories("restart of the leaning brick", kept, ROUNDING)
+
+
+def write_brick(
+    path: Path, corner: np.ndarray, edge: np.ndarray, turn: np.ndarray | None = None
+) -> None:
+    """Write the twelve triangles of a brick, turned about the origin, as STL in text."""
     x = corner + np.indices((2, 2, 2)).reshape(3, -1).T * edge
+    x = x if turn is None else x @ turn.T
     lines = ["solid brick"]
     faces = ((0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3))
     for a, b, c, d in faces:
         for facet in ((a, b, c), (a, c, d)):
             lines += ["facet normal 0 0 0", "outer loop"]
-            lines += ["vertex {:.9g} {:.9g} {:.9g}".format(*x[k]) for k in facet]
+            lines += ["vertex {:.17g} {:.17g} {:.17g}".format(*x[k]) for k in facet]
             lines += ["endloop", "endfacet"]
     path.write_text("\n".join([*lines, "endsolid brick"]) + "\n")
 
