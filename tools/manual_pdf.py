@@ -112,6 +112,13 @@ def numbers_of(pdf: bytes) -> tuple[dict[str, int], int]:
     return {name.decode(): places[node] for name, node in names.items()}, len(order)
 
 
+def unnumbered(titles: dict[str, str], numbers: dict[str, int]) -> list[str]:
+    """Return the chapters that begin on no page, or before the one that they follow."""
+    pages = [numbers.get(name, 0) for name in titles]
+    before = [2, *pages[:-1]]  # title page and contents come first
+    return [name for name, k, last in zip(titles, pages, before, strict=True) if k <= last]
+
+
 def printed(program: str, source: Path, target: Path) -> None:
     """Print a page of HTML into a PDF with an outline, without a screen."""
     with tempfile.TemporaryDirectory() as profile:
@@ -127,7 +134,7 @@ def printed(program: str, source: Path, target: Path) -> None:
 
 
 def main() -> int:
-    """Print the manual; return 0, 1 for dead links, 4 where it cannot be printed."""
+    """Print the manual; return 0, 1 for dead links or lost chapters, 4 where nothing prints."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, default=manual.ROOT / "build/manual")
     parser.add_argument("--verification", type=Path, default=manual.ROOT / "build/verification")
@@ -155,8 +162,11 @@ def main() -> int:
         return 4
     finally:
         source.unlink(missing_ok=True)
+    lost = unnumbered(titles, numbers)
     print(f"manual: {len(titles)} chapters, {count} pages, {target}")
-    return 1 if faults else 0
+    if lost:
+        print(f"manual: in the PDF no page begins {', '.join(lost)}", file=sys.stderr)
+    return 1 if faults or lost else 0
 
 
 if __name__ == "__main__":

@@ -167,6 +167,16 @@ def test_numbers_of_pages(tmp_path: Path, browser: None) -> None:
     numbers, count = manual_pdf.numbers_of((tmp_path / "book.pdf").read_bytes())
     assert count == 6
     assert {name: numbers[name] for name in titles} == {n: k for k, n in enumerate(titles, 3)}
+    assert manual_pdf.unnumbered(titles, numbers) == []
+
+
+def test_lost_chapters() -> None:
+    """A chapter without a page, or on that of the one before, is named."""
+    titles = dict.fromkeys(("index", "install", "view"), "")
+    numbers = {"index": 3, "install": 9, "view": 14}
+    assert manual_pdf.unnumbered(titles, numbers) == []
+    assert manual_pdf.unnumbered(titles, numbers | {"install": 3}) == ["install"]
+    assert manual_pdf.unnumbered(titles, {"index": 3, "install": 9}) == ["view"]
 
 
 def test_no_browser(tmp_path: Path) -> None:
