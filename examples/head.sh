@@ -2,7 +2,7 @@
 # TALUS (default build/venv/bin/talus) and TALUS_BIN (default build/bin) name the tools.
 set -euo pipefail
 here=$(cd "$(dirname "$0")" && pwd)
-root=$(cd "$here/../.." && pwd)
+root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)
 export TALUS_BIN=${TALUS_BIN:-$root/build/bin}
 talus=${TALUS:-$root/build/venv/bin/talus}
 python=$root/build/venv/bin/python
