@@ -39,8 +39,8 @@ coupled() {
 demo() {
   local out=$1
   fresh "$out"
-  # the first 15 mm; `penetration` goes to 62 mm
-  sed -i 's/t_end = 0.25/t_end = 0.06/; s/every_time = 0.025/every_time = 0.01/' "$out"/{rigid,coupled,grains,solid}.nml
+  # the first 10 mm; `penetration` goes to 62 mm
+  sed -i 's/t_end = 0.25/t_end = 0.04/; s/every_time = 0.025/every_time = 0.01/' "$out"/{rigid,coupled,grains,solid}.nml
   say "packings and mesh"
   packings "$out" "$here/deposit_small.txt"
   (cd "$out" && "$talus" mesh block -o block.h5)

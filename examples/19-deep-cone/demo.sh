@@ -34,13 +34,13 @@ bed() {
 coupled() {
   say "coupled: grains wake around the cone, a continuum carries the rest"
   (cd wide_a && costed wide_a "$TALUS_BIN/talus-couple" coupled.nml)
+  say "the same grains in a rigid box"
+  costed box_wide_a "$TALUS_BIN/talus-dem" box_wide_a.nml --threads="$threads"
 }
 
 whole() {
   say "all grains"
   costed whole_a "$TALUS_BIN/talus-dem" whole_a.nml --threads="$threads"
-  say "the grains around the cone in a rigid box"
-  costed box_wide_a "$TALUS_BIN/talus-dem" box_wide_a.nml --threads="$threads"
 }
 
 show() {
