@@ -56,6 +56,7 @@ def run_cases(
             yield run_case(item)
         return
     os.environ.setdefault("OMP_NUM_THREADS", "1")
+    importlib.import_module("talus.look")  # half a second that each process would need
     with multiprocessing.get_context("fork").Pool(jobs, maxtasksperchild=1) as pool:
         yield from pool.imap_unordered(run_case, work, chunksize=1)
 
