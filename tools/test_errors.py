@@ -18,9 +18,11 @@ be the same (tools/error_codes.py); --codes does no more than that.
 
 import argparse
 import hashlib
+import multiprocessing
 import os
 import re
 import resource
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -37,8 +39,10 @@ from error_codes import check_codes  # noqa: E402
 
 from talus.verification import launcher  # noqa: E402
 
+FORKS = multiprocessing.get_context("forkserver")  # it loads numpy and HDF5 once for all inputs
 CODE = re.compile(r"\b(?:error|warning:) ([A-Z]\d{3})")
 LIMIT = 300.0
+SAID = "make_input.txt"  # what make_input.py said, removed after it
 
 
 def contents(folder: Path) -> dict[str, bytes]:
@@ -49,6 +53,17 @@ def contents(folder: Path) -> dict[str, bytes]:
         )
         for path in folder.rglob("*")
     }
+
+
+def run_script(folder: Path, environment: dict[str, str]) -> None:
+    """Run make_input.py of a folder in this process; what it says goes to a file there."""
+    os.chdir(folder)
+    os.environ.update(environment)
+    sys.path[:0] = [str(folder)]
+    with open(SAID, "w", buffering=1) as said:
+        os.dup2(said.fileno(), 1)
+        os.dup2(said.fileno(), 2)
+        runpy.run_path("make_input.py", run_name="__main__")
 
 
 class Bench:
@@ -97,8 +112,8 @@ class Bench:
     def prepare(self) -> str:
         """Make the input and run the preparation; return what went wrong."""
         commands = []
-        if (self.scratch / "make_input.py").exists():
-            commands.append([sys.executable, "make_input.py"])
+        if (self.scratch / "make_input.py").exists() and (wrong := self.make_input()):
+            return wrong
         for line in self.expect.get("before", []):
             program, *rest = shlex.split(line)
             commands.append([str(self.binaries / program), *rest])
@@ -110,6 +125,18 @@ class Bench:
             if process.returncode:
                 return f"{command} failed: {said[-800:]}"
         return ""
+
+    def make_input(self) -> str:
+        """Run make_input.py in a process of its own; return what went wrong."""
+        process = FORKS.Process(target=run_script, args=(self.scratch, self.environment))
+        process.start()
+        process.join(LIMIT)
+        if process.exitcode is None:
+            process.kill()
+        said = self.scratch / SAID
+        text = said.read_text(errors="replace") if said.exists() else ""
+        said.unlink(missing_ok=True)
+        return f"make_input.py failed: {text[-800:]}" if process.exitcode else ""
 
     def run(self) -> tuple[int, str]:
         """Run the program; return exit code (-1: it hangs) and output, the partner's too."""
@@ -189,6 +216,7 @@ def main() -> int:
     parser.add_argument("--only", default="")
     parser.add_argument("--codes", action="store_true")
     options = parser.parse_args()
+    FORKS.set_forkserver_preload(["__main__", "talus.mesh", "talus.packing"])
     problems = check_codes()
     passed, failed = int(not problems), len(problems)
     if problems:
