@@ -5,8 +5,8 @@ terminal; `follows`: an expression that stands for the default where other keys 
 `[small]`, values of a run of seconds; `[first]` and `[derived]`, expressions over the keys, in
 order, the former before those that follow;
 `prepare`, commands of `talus` that write packings and meshes; `decks`, those that are run, in
-order, as `name.nml` or `name.nml --restart=...`; `look`, commands of `talus` for afterwards. Words
-in braces are replaced in all files.
+order, as `name.nml` or `name.nml --restart=...`, with commands `talus ...` between them; `look`,
+commands of `talus` for afterwards. Words in braces are replaced in all files.
 """
 
 import contextlib
@@ -30,6 +30,7 @@ WORD = re.compile(r"\{(\w+)\}")
 WHOLE = re.compile(r"(ceil|floor)\([^()]*\)")
 FILLED = (".nml", ".toml")
 COPIED = (".sh", ".env", ".py")  # their braces are their own
+BETWEEN = "talus "  # begins a command between decks
 DIGITS = 6  # of derived numbers in a deck
 RUN = """#!/bin/sh
 # {title}: from the packings that are here to the figures.
@@ -56,7 +57,7 @@ class Template:
     @property
     def decks(self) -> list[str]:
         """Return the names of the decks that are run, in order."""
-        return [line.split()[0] for line in self.table["decks"]]
+        return [line.split()[0] for line in self.table["decks"] if not line.startswith(BETWEEN)]
 
 
 def kinds() -> list[str]:
@@ -141,8 +142,8 @@ def run_lines(template: Template, words: dict[str, str], folder: Path) -> list[s
     """Return the commands that run the decks and draw the figures."""
     lines = []
     for line in template.table["decks"]:
-        program = program_of(folder / line.split()[0])
-        lines.append(f"{program} {filled(line, words)}")
+        program = "" if line.startswith(BETWEEN) else f"{program_of(folder / line.split()[0])} "
+        lines.append(f"{program}{filled(line, words)}")
     return lines + [f"talus {filled(line, words)}" for line in template.table["look"]]
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -39,6 +40,17 @@ def solve(folder: Path, line: str) -> dict:
     return json.loads((folder / f"{Path(deck).stem}_summary.json").read_text())
 
 
+def between(folder: Path) -> None:
+    """Work the commands of `talus` that run.sh has before its last program."""
+    lines = (folder / "run.sh").read_text().splitlines()
+    last = max(k for k, line in enumerate(lines) if line.startswith('"$bin"'))
+    for line in lines[:last]:
+        if line.startswith('"${TALUS:-talus}"'):
+            words = shlex.split(line)[1:]
+            names = [str(folder / w) if w.endswith(".h5") else w for w in words]
+            assert cli.main(names) == 0
+
+
 @pytest.mark.parametrize("kind", templates.kinds())
 def test_check(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The decks are in order, no word in braces is left, and the README names every key."""
@@ -48,6 +60,7 @@ def test_check(kind: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) ->
         assert cli.main(["check", str(tmp_path / kind / deck)]) == 0, capsys.readouterr().out
         if deck != template.decks[-1] and "packing = '" in (tmp_path / kind / deck).read_text():
             solve(tmp_path / kind, deck)  # the next deck reads what this one writes at its end
+            between(tmp_path / kind)
     text = "".join(p.read_text() for p in (tmp_path / kind).iterdir() if p.suffix != ".h5")
     assert not templates.WORD.search(text.replace("${", ""))
     said = (tmp_path / kind / "README.md").read_text()
@@ -87,6 +100,34 @@ def test_wheel(tmp_path: Path) -> None:
     turning = speed / (radius * (1 - slip))
     assert body["spin_y"][-1] == pytest.approx(turning, rel=1e-5)  # six digits
     assert parts["z"][side][-1] < parts["z"][side][0]
+
+
+def test_press(tmp_path: Path) -> None:
+    """The block stands above the bed, goes down smoothly, and its head bears the bed's force."""
+    words = ["--set", "grains=60", "radius=2.4e-3"]
+    made("press", tmp_path, *words)
+    settle, _, coupled = templates.load("press").table["decks"]
+    assert solve(tmp_path, settle)["exit_code"] == 0
+    between(tmp_path)
+    level = read_packing(tmp_path / "level.h5")
+    top = (level.x[:, 2] + level.axes[:, 2]).max()
+    assert 0 < level.count < 60  # some grains reached above
+    facts = solve(tmp_path, coupled)
+    assert facts["health"]["verdict"] == "green"
+    with FieldFile(tmp_path / "solid.h5") as solid:
+        height = solid.mesh[0][:, 2]
+        head = height > height.min() + 9.9e-3
+        assert np.allclose(solid.read(-1).solid["u"][head, 2], -1.0e-3, rtol=1e-9)
+    assert top < height.min()
+    lift = read_history(tmp_path / "grains_surfaces.csv")["force_z"]
+    held = read_history(tmp_path / "solid_reactions.csv")["z1 z"]
+    weight = 1100 * 9.81 * 0.01 * 0.02**2 / 4
+    assert lift[0] == 0.0 and lift[-1] > 0.01
+    drag = 40.0 * weight / 9.81 * 1.0e-3 / (0.9 * 0.04)  # rayleigh_mass, at the steady speed
+    # means of the last quarter: what still swings is 1 % of the weight
+    part = slice(-len(lift) // 4, None)
+    expected = weight - drag - np.mean(lift[part])
+    assert np.mean(held[part]) == pytest.approx(expected, abs=0.02 * weight)
 
 
 def test_what_follows() -> None:
