@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from talus import gallery, lights, pictures, report_log, version, view, view_data
+from talus import gallery, inertia, lights, pictures, report_log, version, view, view_data
 from talus.faults import FaultError
 from talus.look import figure_bytes
 from talus.progress import watch
@@ -101,6 +101,7 @@ def runs_of(folder: Path) -> list[Run]:
     ending = "_summary.json"
     pages = {path.name.removesuffix(ending): read_summary(path)
              for path in sorted(folder.glob(f"*{ending}"))}  # fmt: skip
+    tests = inertia.tests_of(folder)
     coupled = [f for f in pages.values() if f.get("program") == COUPLE]
     grains = next((n for n, f in pages.items() if f.get("program") == GRAINS and coupled), None)
     found = []
@@ -109,7 +110,8 @@ def runs_of(folder: Path) -> list[Run]:
         partner = facts.get("program") != COUPLE and facts.get("time_s") in ends
         source = grains if facts.get("program") == COUPLE else name
         deep = lights.pressed_when(folder / f"{source}_energy.csv")
-        found.append(Run(name, facts, lights.light_of(facts, partner, deep)))
+        light = lights.light_of(facts, partner, deep)
+        found.append(Run(name, facts, inertia.judged(light, tests.get(name))))
     return found
 
 
@@ -198,6 +200,7 @@ def build(folder: Path, title: str) -> str:
             f'<div class="light whole {worst}"><span class="lamp"></span><div><b>{text[worst]}</b>'
             f' (<a href="#health">{worst}</a>)</div></div>'
         )
+    parts += [f"<p>{html.escape(line)}</p>" for line in inertia.lines(inertia.tests_of(folder))]
     parts += shapes
     parts += view_of(folder)
     if runs:

@@ -6,7 +6,7 @@ import h5py
 import numpy as np
 import pytest
 
-from talus import boundary_plots, gallery, histories, reports, specimens
+from talus import boundary_plots, gallery, histories, inertia, reports, specimens
 from talus.cli import main
 from talus.faults import FaultError
 
@@ -85,6 +85,29 @@ def test_angles_in_words(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     rows = histories.read(table)
     assert rows["axial_strain"] == pytest.approx(TIMES, abs=1e-8)
     assert rows["friction_angle"][50] == pytest.approx(30.0)
+
+
+@pytest.mark.parametrize(("speed", "colour"), [(2.0e-3, "green"), (1.2e-2, "amber")])
+def test_fast(speed: float, colour: str, tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    """The inertial number stands beside the angle; a test that is too fast makes amber."""
+    write_walls(tmp_path / "run_walls.csv")
+    path = tmp_path / "run_walls.csv"
+    assert np.isnan(inertia.inertial_number(path, specimens.read_test(path)))
+    rows = "".join(f"{t},{v}\n" for t, v in ((0.0, 0.5), (0.5, speed), (1.0, speed)))
+    (tmp_path / "run_measure_all.csv").write_text(f"time [s],inertial_number [-]\n{rows}")
+    assert main(["plot", "specimen", str(path), "-o", str(tmp_path / "a.png")]) == 0
+    said = capsys.readouterr().out
+    assert f"inertial number {speed:.1e}" in said and ("too fast" in said) == (colour == "amber")
+    text = '{"program": "talus-dem", "exit_code": 0, "health": {"verdict": "green"}}'
+    (tmp_path / "run_summary.json").write_text(text)
+    test = specimens.read_test(path)
+    assert not inertia.sheared(test)  # 0.6 of volume a unit of axial strain: compressed
+    test.length[:, 0] *= np.exp(0.2 * TIMES)
+    assert inertia.sheared(test)
+    light = inertia.judged(reports.runs_of(tmp_path)[0].light, (path, test))
+    assert light.colour == colour and ("Shear more slowly" in " ".join(light.cure)) == (
+        colour == "amber"
+    )
 
 
 def test_reactions(tmp_path: Path) -> None:

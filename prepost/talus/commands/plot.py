@@ -10,6 +10,7 @@ from talus import (
     flow_plots,
     gallery,
     grading_plots,
+    inertia,
     measure_plots,
     overlap_plots,
     plots,
@@ -118,7 +119,8 @@ def plot_specimens(options: argparse.Namespace) -> int:
     files = labelled(options.files, *specimens.READERS)
     tests = {k: specimens.read_test(path, options.axial) for k, path in files.items()}
     for label, test in tests.items():
-        print(f"{label}: {specimens.angles(test)}")
+        number = inertia.inertial_number(files[label], test)
+        print(f"{label}: {specimens.angles(test)}{inertia.said(number)}")
     if options.csv:
         specimens.write_table(options.csv, tests)
         print(options.csv)
