@@ -18,9 +18,13 @@ import pytest
 from talus.cli import main
 from talus.faults import FaultError
 from talus.study import deck_text, statistics
+from talus.study.definition import read_study
+from talus.study.figures import scatter
+from talus.study.folders import Store
 from talus.study.parameters import Target, read_parameter
 from talus.study.plans import make_points, saltelli_shares
 from talus.study.sequence import MOST_COLUMNS, latin_points, sobol_points
+from talus.study.table import collect
 
 DECK = """! contact of quartz / steel
 &run title = 'it''s a / test', gravity = 0.0, 0.0, -9.81 /
@@ -214,6 +218,30 @@ def test_a_study_runs(tmp_path: Path, capsys: pytest.CaptureFixture):
     assert main(["study", str(path)]) == main(["study", str(path), "--status"]) == 0
     assert (folder / "points/0002/exit").stat().st_mtime_ns == stamp
     assert "3 of 3 points are done, 0 of them failed" in capsys.readouterr().out
+
+
+def test_repeats(tmp_path: Path):
+    """Means and deviations over a parameter that repeats points; it has no picture of its own."""
+    more = SQUARE.replace("{a} >run.csv", "$(({a} + {seed})) >run.csv").replace(
+        "low = 1.0\nhigh = 3.0", "values = [1, 3]"
+    )
+    more += '[[parameter]]\nname = "seed"\nvalues = [0, 4]\nrepeat = true\n'
+    more = more.replace('column = "y"', 'column = "y"\ntake = "max"')
+    path = write(tmp_path, more)
+    assert main(["study", str(path)]) == 0
+    lines = (tmp_path / "study_results/means.csv").read_text().splitlines()
+    assert lines[0] == "a,points,y,y_deviation,twice,twice_deviation"
+    rows = [[float(v) for v in line.split(",")] for line in lines[1:]]
+    # y is a and a + 4: mean a + 2, deviation 4/sqrt(2)
+    assert rows == [pytest.approx([1, 2, 3, 8**0.5, 4, 8**0.5]),
+                    pytest.approx([3, 2, 5, 8**0.5, 8, 8**0.5])]  # fmt: skip
+    assert "Means over seed" in (tmp_path / "study_results/study.html").read_text()
+    study = read_study(path)
+    store = Store(study.output)
+    assert store.load()
+    table = collect(study, store)
+    ax = scatter(study, table, 0).axes
+    assert [a.get_xlabel() for a in ax] == ["a"]
 
 
 def test_a_curve_that_is_not_there(tmp_path: Path, capsys: pytest.CaptureFixture):

@@ -7,7 +7,7 @@ from talus.look import COLOURS, new_figure
 from talus.study.definition import Study
 from talus.study.folders import Store
 from talus.study.results import Curve, column_of, read_history
-from talus.study.statistics import numbers_of
+from talus.study.statistics import numbers_of, repeated
 from talus.study.table import Table
 
 BAND = (0.05, 0.95)
@@ -21,8 +21,11 @@ def short(text: str) -> str:
 
 
 def scatter(study: Study, table: Table, result: int) -> object:
-    """Draw a result against every parameter."""
-    one, count = study.results[result], len(study.parameters)
+    """Draw a result against every parameter, with means over those that repeat points."""
+    one = study.results[result]
+    repeats = [p.name for p in study.parameters if p.repeat]
+    shown = [p for p in study.parameters if not p.repeat] or study.parameters
+    count = len(shown)
     columns = min(count, WIDE)
     rows = -(-count // columns)
     fig, axes = new_figure(nrows=rows, ncols=columns, squeeze=False, sharey=True,
@@ -30,10 +33,14 @@ def scatter(study: Study, table: Table, result: int) -> object:
     y = table.results[one.name]
     for ax in axes.ravel()[count:]:
         ax.set_visible(False)
-    for k, (ax, p) in enumerate(zip(axes.ravel(), study.parameters, strict=False)):
+    for k, (ax, p) in enumerate(zip(axes.ravel(), shown, strict=False)):
         column = table.values[p.name]
         ax.plot(numbers_of(column), y, "o", ms=4, alpha=0.7, mec="none", color=COLOURS[0])
+        if repeats and not p.repeat:
+            means(ax, p.name, table, one.name, repeats)
         ax.set_xlabel(p.label)
+        if all(isinstance(value, int) for value in column):
+            ax.xaxis.get_major_locator().set_params(integer=True)
         if any(isinstance(value, str) for value in column):
             known = list(dict.fromkeys(column))
             ax.set_xticks(range(len(known)), known)
@@ -42,6 +49,15 @@ def scatter(study: Study, table: Table, result: int) -> object:
         if k % columns == 0:
             ax.set_ylabel(one.label)
     return fig
+
+
+def means(ax: object, name: str, table: Table, result: str, repeats: list[str]) -> None:
+    """Add mean and deviation over repeated points to the picture of a parameter."""
+    rows = repeated(table.values, {result: table.results[result]}, repeats)
+    known = dict(zip(map(repr, table.values[name]), numbers_of(table.values[name]), strict=True))
+    ax.errorbar([known[repr(row[name])] for row in rows], [row[result] for row in rows],
+                yerr=[np.nan_to_num(row[f"{result}_deviation"]) for row in rows],
+                fmt="_", ms=9, lw=1.0, capsize=2.5, color=COLOURS[1])  # fmt: skip
 
 
 def bars(study: Study, result: int, found: dict) -> object:

@@ -1,6 +1,8 @@
 """What is made of a study in the end: table, statistics, figures, one HTML page."""
 
+import csv
 import html
+import io
 import json
 from pathlib import Path
 
@@ -12,7 +14,7 @@ from talus.reports import STYLE, picture, shown
 from talus.study import figures
 from talus.study.definition import Study
 from talus.study.folders import Store
-from talus.study.statistics import describe
+from talus.study.statistics import describe, repeated
 from talus.study.table import FAILED, Table, collect, write_csv, write_h5
 
 MANY = 500  # rows of the table on the page
@@ -72,6 +74,23 @@ def sections(study: Study, table: Table, facts: dict) -> list[str]:
     return parts
 
 
+def means_of(study: Study, table: Table) -> list[dict]:
+    """Return means over the parameters with `repeat`; none if there are none, or no others."""
+    repeats = [p.name for p in study.parameters if p.repeat]
+    if not repeats or len(repeats) == len(study.parameters):
+        return []
+    return repeated(table.values, table.results, repeats)
+
+
+def write_means(path: Path, rows: list[dict]) -> None:
+    """Write the means over repeated points as CSV."""
+    out = io.StringIO()
+    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(rows)
+    write_text_file(path, out.getvalue())
+
+
 def points_table(table: Table) -> str:
     """Return the first rows of all points."""
     columns = [*table.values.values(), *table.results.values()]
@@ -88,6 +107,10 @@ def finish(study: Study, store: Store) -> tuple[Table, list[Path]]:
     write_h5(names[1], table)
     facts = describe(study.plan, table.values, table.results)
     write_text_file(names[2], json.dumps(facts, indent=1))
+    means = means_of(study, table)
+    if means:
+        names.append(store.folder / "means.csv")
+        write_means(names[-1], means)
     if not table.count("finished"):
         return table, names
     try:
@@ -98,6 +121,10 @@ def finish(study: Study, store: Store) -> tuple[Table, list[Path]]:
         raise FaultError(fault.code, fault.message, hint, str(study.path)) from fault
     title = html.escape(study.title)
     parts = sections(study, table, facts)
+    if means:
+        over = ", ".join(p.name for p in study.parameters if p.repeat)
+        rows = [list(row.values()) for row in means]
+        parts.append(f"<h2>Means over {html.escape(over)}</h2>" + rows_of(list(means[0]), rows))
     parts += ["<h2>Figures</h2>", *(picture(path.read_bytes(), path.name) for path in made)]
     parts += [points_table(table), "<h2>Origin</h2>"]
     parts.append(rows_of(["what", "value"], [list(row) for row in table.provenance.items()]))

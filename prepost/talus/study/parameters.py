@@ -18,7 +18,7 @@ WORDS = {
     "log_normal": ("median", "factor"),
 }
 OPTIONAL = {"normal": ("low", "high"), "log_normal": ("low", "high")}
-COMMON = ("name", "deck", "key", "values", "distribution", "base", "label", "unit")
+COMMON = ("name", "deck", "key", "values", "distribution", "base", "label", "unit", "repeat")
 NAME = re.compile(r"[A-Za-z_]\w*$")
 KEY = re.compile(r"&?(\w+)(?:\[([^\]]+)\])?\.(\w+)(?:\((\d+)\))?$")
 SMALL = 1.0e-12  # of a share, away from the ends of a distribution without ends
@@ -46,6 +46,7 @@ class Parameter:
     distribution: str
     numbers: dict[str, float]
     base: object
+    repeat: bool = False  # over whose values results are averaged
 
     @property
     def is_list(self) -> bool:
@@ -159,4 +160,5 @@ def read_parameter(entry: dict, place: str) -> Parameter:
     label = take(entry, "label", str, place, name)
     unit = take(entry, "unit", str, place, "")
     return Parameter(name, f"{label} [{unit}]" if unit else label, read_targets(entry, place),
-                     values, kind, numbers, entry.get("base"))  # fmt: skip
+                     values, kind, numbers, entry.get("base"),
+                     take(entry, "repeat", bool, place, False))  # fmt: skip

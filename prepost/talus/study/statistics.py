@@ -117,6 +117,29 @@ def numbers_of(column: list) -> np.ndarray:
     return np.array([float(known.index(value)) for value in column])
 
 
+def repeated(
+    values: dict[str, list], results: dict[str, np.ndarray], repeats: list[str]
+) -> list[dict]:
+    """Return a row for each combination of the other parameters: points, means and deviations.
+
+    `points` counts the rows of a combination; NAME, NAME_deviation are of the finite values.
+    """
+    others = [name for name in values if name not in repeats]
+    count = len(next(iter(values.values())))
+    groups: dict[tuple, list[int]] = {}
+    for k in range(count):
+        groups.setdefault(tuple(values[name][k] for name in others), []).append(k)
+    rows = []
+    for key, members in groups.items():
+        row = dict(zip(others, key, strict=True)) | {"points": len(members)}
+        for name, y in results.items():
+            facts = summary(y[members])
+            row[name] = facts.get("mean", float("nan"))
+            row[f"{name}_deviation"] = facts.get("deviation", float("nan"))
+        rows.append(row)
+    return rows
+
+
 def describe(plan: str, values: dict[str, list], results: dict[str, np.ndarray]) -> dict:
     """Return what is known of every result: summary and sensitivities, ready for JSON."""
     x = np.column_stack([numbers_of(column) for column in values.values()])
