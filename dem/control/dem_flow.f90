@@ -306,7 +306,9 @@ contains
       associate (servo => self%stress(k))
         now = stress_in(sigma, servo%component)
         if (abs(now - servo%target) <= servo%tolerance*scale_of(self)) cycle
-        call servo%reason('it strained at its limit', '1/s', 'raise rate or t_end', why, hint)
+        call servo%reason('it strained at its limit', '1/s', 'raise rate of '// &
+                          '&cell_stress; where &cell_rate strains the cell, lower its rate', &
+                          why, hint)
         call errors%add('N221', "stress '"//trim(components(servo%component))// &
                         "' of the cell ended at "//short_number(now)//' Pa instead of '// &
                         short_number(servo%target)//' Pa: '//why, place, hint)
