@@ -210,6 +210,16 @@ def tops(packing: Packing) -> np.ndarray:
     return packing.x[:, 2] + reach
 
 
+def mass_median(packing: Packing) -> float:
+    """Twice the middle semi-axis that half of the free grains' volume stays below, d50 [m]."""
+    free = packing.kind == FREE
+    size = 2.0 * np.median(packing.axes[free], axis=1)
+    mass = volumes(packing.axes[free], packing.skew[free], packing.exponent[free])
+    order = np.argsort(size, kind="stable")
+    share = np.cumsum(mass[order])
+    return float(size[order][np.searchsorted(share, 0.5 * share[-1])])
+
+
 def bed_height(packing: Packing, part: float = 0.98) -> float:
     """Height of the surface: the part `part` of the free grains has its top below it [m]."""
     z = (packing.x[:, 2] + extents(packing)[:, 2])[packing.kind == FREE]
@@ -294,10 +304,12 @@ def describe(
     }
     facts |= {f"solid fraction, layer {k + 1}": float(f) for k, f in enumerate(fractions)}
     facts["coordination"] = float(coordination(packing)[bulk].mean())
+    if packing.clumps is None:
+        facts["d50 [m]"] = mass_median(packing)
     facts["bed height [m]"] = bed_height(packing)
     facts["highest point [m]"] = float(tops(packing)[free].max())
     facts["short axes, zz"] = float(fabric[2, 2])
     facts["short axes, xx"] = float(fabric[0, 0])
-    if force is not None:
+    if force is not None and (packing.kind == FIXED).any():
         facts["load on floor / weight"] = floor_share(packing, force)
     return facts

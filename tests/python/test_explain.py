@@ -26,6 +26,13 @@ def test_users_are_of_the_program() -> None:
     assert users("talus-couple", "material", "density") == []
 
 
+def test_few_pages(capsys: pytest.CaptureFixture[str]) -> None:
+    """A common word lists the pages that speak of the key in its group, not all that use it."""
+    assert cli.main(["explain", "window.surface"]) == 0
+    (line,) = [x for x in capsys.readouterr().out.splitlines() if x.startswith("  manual")]
+    assert len(line.split(", ")) <= 4 and "manual/learn-hopper.md" not in line
+
+
 def test_group_names_its_keys(capsys: pytest.CaptureFixture[str]) -> None:
     """List what a program adds to a shared group beside the shared keys."""
     text = told(capsys, "&output")

@@ -118,6 +118,15 @@ def test_compare(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
     assert "E551" in capsys.readouterr().err
 
 
+def test_mass_median() -> None:
+    """Of eight spheres of radius 1, one of 2 and one of 3 m the last has half of the volume."""
+    radius = np.array([1.0] * 8 + [2.0, 3.0])
+    axes = radius[:, None] * np.array([2.0, 1.0, 0.5])  # volumes as of spheres
+    packing = make_packing(np.arange(30.0).reshape(10, 3), axes)
+    assert measure.mass_median(packing) == 6.0
+    assert measure.mass_median(packing.take(np.arange(9))) == 2.0
+
+
 def test_floor_carries_a_share() -> None:
     """Half of the weight on the lowest fixed grains is a share of one half."""
     x = np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 1.0], [3.0, 0.0, 1.0]])

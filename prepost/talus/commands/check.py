@@ -11,8 +11,8 @@ from talus.programs import find_program, program_of
 
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `check`."""
-    new = commands.add_parser("check", help="check a deck, run nothing")
-    new.add_argument("deck", type=Path)
+    new = commands.add_parser("check", help="check decks, run nothing")
+    new.add_argument("deck", type=Path, nargs="+")
     new.add_argument("--program", choices=["talus-dem", "talus-fem", "talus-couple"])
     new.set_defaults(run=check)
 
@@ -29,10 +29,15 @@ def text_of(error: dict) -> str:
 
 
 def check(options: argparse.Namespace) -> int:
-    """Show every fault of the deck; return the program's exit code."""
-    program = options.program or program_of(options.deck)
+    """Show every fault of the decks; return the worst exit code of their programs."""
+    return max([check_one(deck, options.program) for deck in options.deck])
+
+
+def check_one(deck: Path, program: str | None) -> int:
+    """Show every fault of a deck; return the program's exit code."""
+    program = program or program_of(deck)
     done = subprocess.run(
-        [str(find_program(program)), str(options.deck), "--check", "--json"],
+        [str(find_program(program)), str(deck), "--check", "--json"],
         capture_output=True,
         text=True,
     )
@@ -45,7 +50,7 @@ def check(options: argparse.Namespace) -> int:
     for error in result["errors"]:
         print(text_of(error))
     if result["errors"]:
-        print(f"{options.deck}: {len(result['errors'])} fault{'s' * (len(result['errors']) > 1)}")
+        print(f"{deck}: {len(result['errors'])} fault{'s' * (len(result['errors']) > 1)}")
     else:
-        print(f"{options.deck}: in order ({program})")
+        print(f"{deck}: in order ({program})")
     return done.returncode

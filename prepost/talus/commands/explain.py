@@ -11,6 +11,7 @@ from talus.reference import ROOT, Group
 
 LIMITS = {"min": ">=", "max": "<=", "above": ">", "below": "<"}
 MOST_CASES = 6
+MOST_PAGES = 4
 
 
 def register(commands: argparse._SubParsersAction) -> None:
@@ -83,10 +84,18 @@ def manual() -> dict[str, str]:
     return {p.name: p.read_text("utf-8") for p in sorted((ROOT / "manual").glob("*.md"))}
 
 
-def pages(word: str) -> list[str]:
-    """Return the manual's pages that name `word` as code."""
-    named = re.compile(rf"`[^`\n]*\b{re.escape(word)}\b[^`\n]*`")
-    return [f"manual/{name}" for name, text in manual().items() if named.search(text)]
+def pages(group: str, key: str) -> list[str]:
+    """Return the manual's pages that name the group and, alone or in a deck's line, the key."""
+    named = re.compile(rf"`{key}`|`{key} =|&{group}\b[^`/]*\b{key}\s*=|`&{group} {key}`")
+    owner = re.compile(rf"&{group}\b")
+    return [f"manual/{name}" for name, text in manual().items()
+            if owner.search(text) and named.search(text)]  # fmt: skip
+
+
+def listed(names: list[str], most: int) -> str:
+    """Return the first of the names, and how many more there are."""
+    more = f" and {len(names) - most} more" if len(names) > most else ""
+    return ", ".join(names[:most]) + more
 
 
 def of_key(group: Group, name: str) -> list[str]:
@@ -94,10 +103,9 @@ def of_key(group: Group, name: str) -> list[str]:
     key = group.table["keys"][name]
     lines = [f"{group.program}: {name} of &{group.name}", *paragraph(key["doc"]), *key_facts(key)]
     cases = users(group.program, group.name, name)
-    more = f" and {len(cases) - MOST_CASES} more" if len(cases) > MOST_CASES else ""
-    lines += [f"  {'used by':10s} {', '.join(cases[:MOST_CASES])}{more}"] if cases else []
-    where = pages(name)
-    return lines + ([f"  {'manual':10s} {', '.join(where)}"] if where else [])
+    lines += [f"  {'used by':10s} {listed(cases, MOST_CASES)}"] if cases else []
+    where = pages(group.name, name)
+    return lines + ([f"  {'manual':10s} {listed(where, MOST_PAGES)}"] if where else [])
 
 
 def of_group(group: Group) -> list[str]:

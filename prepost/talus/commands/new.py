@@ -12,7 +12,10 @@ from talus.templates import Template
 def register(commands: argparse._SubParsersAction) -> None:
     """Add `new`."""
     new = commands.add_parser("new", help="a folder of decks from a template, ready to run")
-    new.add_argument("kind", choices=templates.kinds())
+    new.add_argument("kind", choices=templates.kinds(), help="see below")
+    new.formatter_class = argparse.RawDescriptionHelpFormatter
+    new.epilog = "\n".join(f"  {kind:12s} {templates.load(kind).table['title']}"
+                           for kind in templates.kinds())
     new.add_argument("-o", "--output", metavar="FOLDER", type=Path,
                      help="new or empty (default: the name of the kind)")  # fmt: skip
     new.add_argument("--set", metavar="KEY=VALUE", nargs="+", action="extend", default=[])
