@@ -15,6 +15,8 @@ from talus.pictures import ROLES
 from talus.view_data import Page
 
 HERE = Path(__file__).parent
+#: the code of the page in the order in which it runs
+CODE = ("view_pace", "view_cull", "view_quick", "view_shaders", "view_scene", "view_draw", "view")
 
 
 def files_of(run: Path, solid: Path | None) -> tuple[Path | None, Path | None]:
@@ -60,7 +62,7 @@ def html_of(page: Page, title: str) -> str:
         "STAMP": f"Talus {version()}",
         "BLOBS": blobs,
         "FACTS": json.dumps(facts).replace("</", "<\\/"),
-        "CODE": (HERE / "view.js").read_text(encoding="utf-8"),
+        "CODE": "\n".join((HERE / f"{name}.js").read_text(encoding="utf-8") for name in CODE),
     }
     text = (HERE / "view.html").read_text(encoding="utf-8")
     for name, value in parts.items():

@@ -162,6 +162,18 @@ def test_faults(
     assert fault.value.code == code
 
 
+def test_names_of_the_code() -> None:
+    """The files of the page's code share one space of names: none is given twice."""
+    names = [
+        name
+        for part in view.CODE
+        for name in re.findall(
+            r"^(?:function|const|let) (\w+)", (view.HERE / f"{part}.js").read_text(), re.M
+        )
+    ]
+    assert len(names) > 80 and sorted(set(names)) == sorted(names)
+
+
 def test_page_without_grains_to_draw(run: Path, tmp_path: Path) -> None:
     """Shapes are drawn from their numbers: the page holds no triangles of grains."""
     view.write(run, None, tmp_path / "view.html", 5, "")
@@ -321,5 +333,5 @@ def test_many(tmp_path: Path, browser: None) -> None:
     view.write(field_file(tmp_path / "g.h5", [step]), None, tmp_path / "view.html", 1, "many")
     text = asked((tmp_path / "view.html").as_uri() + "#rate=2", tmp_path, "--dump-dom")
     assert "50000 grains" in text
-    rate = re.search(r'<span id="rate">([\d.e-]+) pictures a second', text)
+    rate = re.search(r'<span id="rate">([\d.e-]+) full pictures a second', text)
     assert rate and float(rate[1]) > 0.0
