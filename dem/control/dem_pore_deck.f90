@@ -10,7 +10,7 @@ module dem_pore_deck
   use dem_pore_state, only: dem_pore_type, pore_grid_type, drain_none, drain_pressure, drain_flux
   use dem_pore_grid, only: brick_edges, brick_of, place_in, brick_count
   use dem_pore_fit, only: make_fit
-  use dem_pore_hold, only: hold_nodes, find_empty
+  use dem_pore_hold, only: hold_nodes, find_empty, find_open
   use dem_pore_laws, only: law_index, law_constant
   implicit none
   private
@@ -124,6 +124,7 @@ contains
       if (deck%given('drain', k, 'pressure')) key = 'pressure'
       pore%drain(end, axis) = merge(drain_pressure, drain_flux, key == 'pressure')
       call deck%get('drain', k, key, pore%drain_value(end, axis))
+      call deck%get('drain', k, 'layer', pore%drain_layer(end, axis))
       call curve_index(deck, 'D250', curves, 'drain', k, curve(end, axis), errors)
     end do
     if (served .or. pore%liquid%compliance > 0.0_wp .or. any(pore%drain == drain_pressure)) return
@@ -250,15 +251,42 @@ contains
       end do
       call make_fit(pore%grid, d%grains%x, pore%volume, pore%fit)
       call hold_nodes(pore)
+      call check_layers(deck, pore, errors)
       c = find_empty(pore)
       pore%fit%ready = .false.
       deallocate (pore%fit%inverse_mass)
-      if (c == 0) return
-      centre = pore%grid%lower + brick_edges(pore%grid)*(place_in(pore%grid, c) + 0.5_wp)
+      if (c == 0 .or. errors%any()) return
+      centre = centre_of(pore%grid, c)
       call deck%fault(errors, 'D371', 'there is no grain in the brick around '//str(centre)// &
                       ' m, one of '//str(brick_count(pore%grid)), 'pore_grid', 1, '', &
                       "a box that the bed fills; above it surface = 'free' and a &drain with "// &
                       'pressure on that side')
     end associate
   end subroutine check_start
+
+  !> Open water has the pressure of its drain, and so no layer before it (D379).
+  subroutine check_layers(deck, pore, errors)
+    type(deck_type), intent(in) :: deck
+    type(dem_pore_type), intent(in) :: pore
+    type(error_list_type), intent(inout) :: errors
+    real(wp) :: layer
+    integer(i4) :: c, k
+    c = find_open(pore)
+    if (c == 0) return
+    do k = 1, deck%count('drain')
+      call deck%get('drain', k, 'layer', layer)
+      if (layer > 0.0_wp) exit
+    end do
+    call deck%fault(errors, 'D379', 'the brick around '//str(centre_of(pore%grid, c))// &
+                    ' m, at a side behind a layer, is open water', 'drain', k, 'layer', &
+                    "a box that the bed fills, surface = 'closed', or no layer there")
+  end subroutine check_layers
+
+  !> Centre of a brick [m].
+  pure function centre_of(grid, c) result(centre)
+    type(pore_grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: c
+    real(wp) :: centre(3)
+    centre = grid%lower + brick_edges(grid)*(place_in(grid, c) + 0.5_wp)
+  end function centre_of
 end module dem_pore_deck

@@ -15,6 +15,7 @@ module dem_pore_exchange
     sum_darcy, sum_drag, sum_exchange, sum_seepage, sum_tools, sum_held_drag
   use dem_pore_grid, only: brick_count, brick_edges, node_count, on_side, place_in
   use dem_pore_fit, only: make_fit, fit_fields, fit_ways
+  use dem_pore_layer, only: add_layers, take_layers
   use dem_pore_hold, only: hold_nodes, hold_pressures, add_sources, find_empty
   use dem_pore_drag, only: set_drag
   use dem_pore_medium, only: count_pores, set_mobility, see_flow, porosity_change
@@ -74,6 +75,7 @@ contains
         pore%omega = c*pore%hold_p
       end where
       call take_yield(pore, span, inflow)
+      call take_layers(pore, span, inflow)
       call add_up(d, hull, inflow, span*source, span*power)
       call book_tools(d, way)
       pore%sums(sum_swept) = pore%sums(sum_swept) + sum(cut)
@@ -304,6 +306,7 @@ contains
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)
       e%rhs = pore%omega + pore%span*rate
       call add_yield(pore, pore%span, e%storage, e%rhs)
+      call add_layers(pore, pore%span, e%storage, e%rhs)
       where (pore%hold > 0) pore%p = pore%hold_p
       low = -cavitation - hydrostatic(pore%grid, pore%liquid%density*d%par%gravity_scale* &
                                       d%par%gravity)

@@ -7,7 +7,7 @@ module dem_pore_grid
   implicit none
   private
   public :: brick_count, node_count, brick_edges, brick_of, place_in, corners_of, node_place
-  public :: sign_of, slopes, stiffness, on_side, side_share
+  public :: sign_of, slopes, stiffness, on_side, side_share, beside
 
   !> Signs of the corners of a brick along x, y, z.
   real(wp), parameter :: sign_of(3, 8) = reshape([-1.0_wp, -1.0_wp, -1.0_wp, 1.0_wp, -1.0_wp, &
@@ -87,6 +87,15 @@ contains
     at = node_place(grid, node)
     on_side = at(axis) == merge(0_i4, grid%bricks(axis), end == 1)
   end function on_side
+
+  !> Is a brick at the side at an end (1, 2) of an axis?
+  pure logical function beside(grid, brick, end, axis)
+    type(pore_grid_type), intent(in) :: grid
+    integer(i4), intent(in) :: brick, end, axis
+    integer(i4) :: at(3)
+    at = place_in(grid, brick)
+    beside = at(axis) == merge(0_i4, grid%bricks(axis) - 1, end == 1)
+  end function beside
 
   !> Part of a side's area that a node of it has: the integral of its function [m^2].
   pure real(wp) function side_share(grid, node, axis) result(area)

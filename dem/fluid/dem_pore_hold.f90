@@ -3,11 +3,12 @@
 module dem_pore_hold
   use talus_kinds, only: wp, i4
   use dem_pore_state, only: dem_pore_type, drain_pressure, drain_flux, by_partner
-  use dem_pore_grid, only: brick_count, node_count, corners_of, place_in, on_side, side_share
+  use dem_pore_grid, only: beside, brick_count, node_count, corners_of, place_in, on_side, &
+    side_share
   use dem_pore_tools, only: is_in
   implicit none
   private
-  public :: hold_nodes, hold_pressures, add_sources, find_empty
+  public :: hold_nodes, hold_pressures, add_sources, find_empty, find_open, layered
 
   real(wp), parameter :: open_share = 0.15_wp  !! solid fraction below which a brick is open water
 
@@ -29,7 +30,7 @@ contains
     pore%hold = 0
     do axis = 1, 3
       do end = 1, 2
-        if (pore%drain(end, axis) /= drain_pressure) cycle
+        if (.not. holds(pore, end, axis)) cycle
         do a = 1, node_count(pore%grid)
           if (on_side(pore%grid, a, end, axis)) pore%hold(a) = side_of(end, axis)
         end do
@@ -47,6 +48,20 @@ contains
       pore%hold(pore%partner%node) = merge(0, by_partner, pore%partner%yields)
     call hold_pressures(pore)
   end subroutine hold_nodes
+
+  !> Does a side hold the pressures of its nodes? Not behind a layer.
+  pure logical function holds(pore, end, axis)
+    type(dem_pore_type), intent(in) :: pore
+    integer(i4), intent(in) :: end, axis
+    holds = pore%drain(end, axis) == drain_pressure .and. .not. layered(pore, end, axis)
+  end function holds
+
+  !> Is a side drained through a layer?
+  pure logical function layered(pore, end, axis)
+    type(dem_pore_type), intent(in) :: pore
+    integer(i4), intent(in) :: end, axis
+    layered = pore%drain(end, axis) == drain_pressure .and. pore%drain_layer(end, axis) > 0.0_wp
+  end function layered
 
   !> Pressures of the drains to the nodes that they hold.
   subroutine hold_pressures(pore)
@@ -78,7 +93,7 @@ contains
             next(axis) = next(axis) + 2*end - 3
             if (next(axis) >= 0 .and. next(axis) < pore%grid%bricks(axis)) then
               if (still(number_of(next)) > 0) still(c) = still(number_of(next))
-            else if (pore%drain(end, axis) == drain_pressure) then
+            else if (holds(pore, end, axis)) then
               still(c) = side_of(end, axis)
             end if
           end do
@@ -120,4 +135,23 @@ contains
     end do
     brick = 0
   end function find_empty
+
+  !> A brick of open water at a side behind a layer, which no other drain makes still; 0: there is
+  !! none.
+  integer(i4) function find_open(pore) result(brick)
+    type(dem_pore_type), intent(in) :: pore
+    integer(i4), allocatable :: still(:)
+    integer(i4) :: side
+    brick = 0
+    if (.not. pore%free_surface) return
+    call find_still(pore, still)
+    do brick = 1, brick_count(pore%grid)
+      if (still(brick) > 0 .or. 1.0_wp - pore%porosity(brick) >= open_share) cycle
+      do side = 1, 6
+        if (layered(pore, 2 - modulo(side, 2), (side + 1)/2) .and. &
+            beside(pore%grid, brick, 2 - modulo(side, 2), (side + 1)/2)) return
+      end do
+    end do
+    brick = 0
+  end function find_open
 end module dem_pore_hold

@@ -1235,7 +1235,7 @@ contains
 
   subroutine group_drain(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('drain', 4, &
+    call table%add_group('drain', 5, &
       'A side of the `&pore_grid` that lets liquid through; all others are impervious. ' &
       //'Where sides meet the later one counts.', repeats=.true.)
     call table%one_of('pressure|flux')
@@ -1244,6 +1244,14 @@ contains
     call table%allow('x0|x1|y0|y1|z0|z1')
     call table%add_key('pressure', 'real', 'Pa', 'The pressure there over the hydrostatic one.')
     call table%magnitude(0.0_wp, 1e+36_wp)
+    call table%add_key('layer', 'real', 'm', &
+      'Thickness of a layer as permeable as the bricks at the side, between them and ' &
+      //'the pressure (D.82). Without one the half brick at the side has the pressure at ' &
+      //'once, however little flows.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 10000000.0_wp)
+    call table%excludes('flux')
     call table%add_key('flux', 'real', 'm/s', &
       'Volume of liquid by area and time, inward positive.')
     call table%magnitude(0.0_wp, 100000000.0_wp)

@@ -124,6 +124,7 @@ module dem_pore_state
     integer(i4) :: wall(2, 3) = 0                !! plane on each side, 0: none
     integer(i4) :: drain(2, 3) = drain_none      !! what holds each side
     real(wp) :: drain_value(2, 3) = 0.0_wp       !! excess pressure [Pa], or flow inward [m/s]
+    real(wp) :: drain_layer(2, 3) = 0.0_wp       !! thickness of the layer before it [m]
     real(wp), allocatable :: volume(:)           !! (grains) [m^3]
     real(wp), allocatable :: area(:)             !! (grains) surface [m^2]
     real(wp), allocatable :: carried(:)          !! (grains) liquid that moves with each [kg]
