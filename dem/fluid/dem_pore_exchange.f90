@@ -22,7 +22,7 @@ module dem_pore_exchange
   use dem_pore_operator, only: compress, add_hull, grain_forces, add_flow, brick_matrices
   use dem_pore_partner, only: add_partner, add_yield, book_partner, move_partner, node_storage, &
     take_yield
-  use dem_pore_mixing, only: add_mixing, begin_mixing, pore_mixing_type
+  use dem_pore_mixing, only: add_mixing, begin_mixing
   use dem_pore_cavity, only: solve_bounded, hydrostatic
   use dem_pore_solve, only: pore_equations_type
   use dem_pore_start, only: boxes_of
@@ -44,14 +44,16 @@ contains
     real(wp), intent(in) :: time
     real(wp), dimension(size(d%pore%p)) :: moved, hull, flow, mixed, source, c, inflow, &
       before, cut
-    type(pore_mixing_type) :: mixing
     real(wp) :: span, power, field(4, 3, brick_count(d%pore%grid)), way(6, d%pore%fit%tools%n)
 
     if (.not. d%pore%open) return
     associate (pore => d%pore)
       span = time - pore%since
-      if (.not. pore%fit%ready) call share_tools(pore%grid, pore%fit%tools)
-      if (.not. pore%fit%ready) call fit_here(d)
+      if (.not. pore%fit%ready) then
+        call share_tools(pore%grid, pore%fit%tools)
+        call fit_here(d)
+        call begin_mixing(pore)
+      end if
       call fit_ways(pore%grid, pore%fit, d%grains%x, field)
       way = tool_way(d%surfaces, pore%fit%tools)
       call add_tool_fields(pore%grid, pore%fit, way, field)
@@ -62,8 +64,7 @@ contains
       flow = 0.0_wp
       call add_flow(pore%grid, pore%mobility, pore%p, flow, power)
       mixed = 0.0_wp
-      call begin_mixing(pore, mixing)
-      call add_mixing(mixing, 1.0_wp, pore%p, mixed)
+      call add_mixing(pore%mixing, 1.0_wp, pore%p, mixed)
       source = 0.0_wp
       call add_sources(pore, source)
       call node_storage(pore, c)
@@ -300,7 +301,8 @@ contains
       call add_sources(pore, rate)
       call node_storage(pore, e%storage)
       call brick_matrices(pore%grid, pore%fit, pore%mobility, pore%span, e%matrix)
-      call begin_mixing(pore, e%mixing)
+      call begin_mixing(pore)
+      e%mixing = pore%mixing
       e%span = pore%span
       call give_way(d, pore%span, e%give)
       free = merge(1.0_wp, 0.0_wp, pore%hold == 0)

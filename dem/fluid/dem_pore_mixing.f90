@@ -8,50 +8,43 @@
 !! pressure, and stays. eqs. D.80, D.81
 module dem_pore_mixing
   use talus_kinds, only: wp, i4
-  use dem_pore_state, only: pore_grid_type, dem_pore_type
+  use dem_pore_state, only: pore_grid_type, pore_mixing_type, dem_pore_type
   use dem_pore_grid, only: brick_count, brick_edges, corners_of, place_in, sign_of
   implicit none
   private
-  public :: pore_mixing_type, begin_mixing, add_mixing, mixing_diagonal, alternating
+  public :: find_beside, begin_mixing, add_mixing, mixing_diagonal, alternating
 
   real(wp), parameter :: pattern(8) = product(sign_of, 1)
   real(wp), parameter :: strength = 13.0_wp  !! found by measurement (D.81)
-
-  !> Bricks, those beside them, and how fast they mix.
-  type :: pore_mixing_type
-    integer(i4), allocatable :: corner(:, :)  !! (8, bricks) nodes
-    integer(i4), allocatable :: beside(:, :)  !! (6, bricks) bricks across faces, 0: none
-    real(wp), allocatable :: share(:)         !! (bricks) one over their number, 0 without any
-    real(wp), allocatable :: rate(:)          !! (bricks) [m^3/(Pa s)]
-  end type pore_mixing_type
 
 contains
 
   !> Mixing of the exchange under way. eq. D.81 Beside a partner there is none: columns of grains
   !! were found to sway there.
-  pure subroutine begin_mixing(pore, mixing)
-    type(dem_pore_type), intent(in) :: pore
-    type(pore_mixing_type), intent(out) :: mixing
+  pure subroutine begin_mixing(pore)
+    type(dem_pore_type), intent(inout) :: pore
     real(wp) :: volume, diameter
     integer(i4) :: c
-    call find_beside(pore%grid, mixing)
-    allocate (mixing%rate(brick_count(pore%grid)), source=0.0_wp)
-    if (pore%partner%side > 0) return
-    volume = product(brick_edges(pore%grid))
-    do c = 1, size(mixing%rate)
-      diameter = pore%sauter(c)
-      if (.not. diameter > 0.0_wp) diameter = maxval(pore%sauter)
-      mixing%rate(c) = strength*pore%span*pore%fit%yield(1, 1, c)*(volume/diameter)**2
-    end do
+    associate (rate => pore%mixing%rate)
+      rate = 0.0_wp
+      if (pore%partner%side > 0) return
+      volume = product(brick_edges(pore%grid))
+      do c = 1, size(rate)
+        diameter = pore%sauter(c)
+        if (.not. diameter > 0.0_wp) diameter = maxval(pore%sauter)
+        rate(c) = strength*pore%span*pore%fit%yield(1, 1, c)*(volume/diameter)**2
+      end do
+    end associate
   end subroutine begin_mixing
 
-  !> Corners and neighbours of all bricks.
+  !> Corners and neighbours of all bricks, which stay; nothing mixes yet.
   pure subroutine find_beside(grid, mixing)
     type(pore_grid_type), intent(in) :: grid
-    type(pore_mixing_type), intent(inout) :: mixing
+    type(pore_mixing_type), intent(out) :: mixing
     integer(i4) :: c, n
     n = brick_count(grid)
     allocate (mixing%corner(8, n), mixing%beside(6, n), mixing%share(n))
+    allocate (mixing%rate(n), source=0.0_wp)
     do c = 1, n
       mixing%corner(:, c) = corners_of(grid, c)
       mixing%beside(:, c) = beside_of(grid, c)
@@ -128,11 +121,9 @@ contains
   !> Root of the mean square of what alternates of the pressures of the bricks without a body [Pa].
   pure real(wp) function alternating(pore)
     type(dem_pore_type), intent(in) :: pore
-    type(pore_mixing_type) :: mixing
     real(wp) :: apart(brick_count(pore%grid))
     integer(i4) :: many
-    call find_beside(pore%grid, mixing)
-    apart = apart_of(mixing, pore%p)
+    apart = apart_of(pore%mixing, pore%p)
     many = count(pore%room >= 1.0_wp)
     alternating = sqrt(sum(apart**2, mask=pore%room >= 1.0_wp)/max(many, 1))
   end function alternating

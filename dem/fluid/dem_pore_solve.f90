@@ -1,9 +1,9 @@
 !> Pressures of an exchange: conjugate gradients on the free nodes, with the diagonal before it.
 module dem_pore_solve
   use talus_kinds, only: wp, i4
-  use dem_pore_state, only: pore_grid_type
+  use dem_pore_state, only: pore_grid_type, pore_mixing_type
   use dem_pore_grid, only: brick_count, corners_of
-  use dem_pore_mixing, only: add_mixing, mixing_diagonal, pore_mixing_type
+  use dem_pore_mixing, only: add_mixing, mixing_diagonal
   implicit none
   private
   public :: pore_equations_type, solve_pressure, apply

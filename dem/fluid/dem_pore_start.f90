@@ -5,6 +5,7 @@ module dem_pore_start
   use dem_state, only: dem_data_type, dem_grains_type
   use dem_pore_state, only: dem_pore_type
   use dem_pore_grid, only: brick_count, node_count, brick_of, brick_edges
+  use dem_pore_mixing, only: find_beside
   use dem_pore_medium, only: count_pores, set_mobility, ellipsoid_area
   implicit none
   private
@@ -47,6 +48,7 @@ contains
     allocate (pore%room(bricks), source=1.0_wp)
     allocate (pore%porosity(bricks), pore%sauter(bricks), pore%speed(bricks), &
               pore%mobility(bricks), source=0.0_wp)
+    call find_beside(pore%grid, pore%mixing)
     allocate (pore%start_x(3, grains), pore%held(3, grains), pore%drag(3, grains), source=0.0_wp)
   end subroutine size_pore
 

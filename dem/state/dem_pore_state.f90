@@ -5,7 +5,7 @@ module dem_pore_state
   implicit none
   private
   public :: pore_grid_type, pore_liquid_type, pore_fit_type, pore_partner_type, dem_pore_type
-  public :: pore_tools_type, pore_tips_type
+  public :: pore_tools_type, pore_tips_type, pore_mixing_type
   public :: drain_none, drain_pressure, drain_flux, by_partner
   public :: sum_swept, sum_inflow, sum_hull, sum_flow, sum_work, sum_darcy, sum_drag, &
     sum_exchange, sum_seepage, sum_partner, sum_tools, sum_held_drag, pore_sums
@@ -112,6 +112,14 @@ module dem_pore_state
     real(wp) :: work = 0.0_wp                    !! of the side on the liquid in the interval [J]
   end type pore_partner_type
 
+  !> Bricks, those beside them, and how fast their liquid mixes in the exchange under way.
+  type :: pore_mixing_type
+    integer(i4), allocatable :: corner(:, :)  !! (8, bricks) nodes
+    integer(i4), allocatable :: beside(:, :)  !! (6, bricks) bricks across faces, 0: none
+    real(wp), allocatable :: share(:)         !! (bricks) one over their number, 0 without any
+    real(wp), allocatable :: rate(:)          !! (bricks) [m^3/(Pa s)]
+  end type pore_mixing_type
+
   !> The whole.
   type :: dem_pore_type
     logical :: active = .false.
@@ -151,6 +159,7 @@ module dem_pore_state
     real(wp) :: changed(2) = 0.0_wp              !! largest change of a porosity, when [s]
     integer(i4) :: turns = 0                     !! of the solver, in the last exchange
     type(pore_partner_type) :: partner
+    type(pore_mixing_type) :: mixing             !! not kept: made from the rest
     type(pore_fit_type) :: fit                   !! where the exchange began; made from start_x
   end type dem_pore_type
 end module dem_pore_state
