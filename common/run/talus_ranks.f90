@@ -10,7 +10,8 @@ module talus_ranks
     mpi_character, &
     mpi_double_precision, mpi_2double_precision, mpi_init, mpi_initialized, mpi_finalize, &
     mpi_finalized, mpi_comm_split_type, mpi_comm_type_shared, mpi_comm_free, mpi_info_null, &
-    mpi_ibcast, mpi_test, mpi_status_ignore, mpi_type_contiguous, mpi_type_commit, mpi_type_free
+    mpi_ibcast, mpi_recv, mpi_send, mpi_test, mpi_status_ignore, &
+    mpi_type_contiguous, mpi_type_commit, mpi_type_free
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_system, only: environment, set_environment, clear_environment
@@ -49,6 +50,10 @@ module talus_ranks
     procedure :: largest          !! (value, label): the largest and its label
     procedure :: collect          !! (row, table): rows of all ranks, on the leader
     procedure :: collect_columns  !! (part, all): as many columns as each has, on the leader
+    procedure :: give_numbers     !! (to, numbers): a list for one rank, which takes it
+    procedure :: take_numbers     !! (from, numbers): the list that a rank gives
+    procedure :: give_values      !! (to, values): columns for one rank, which takes them
+    procedure :: take_values      !! (from, values): the columns that a rank gives
     procedure :: trade            !! (rows, count, taken, came): rows for each rank
     procedure :: agree            !! (errors): the faults of the first rank that has some
   end type ranks_type
@@ -335,6 +340,46 @@ contains
     call mpi_gatherv(part, size(part), mpi_double_precision, all, counts, places, &
                      mpi_double_precision, 0, self%comm, status)
   end subroutine collect_columns
+
+  !> A list for one rank.
+  subroutine give_numbers(self, to, numbers)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(in) :: to
+    integer(i4), intent(in), contiguous :: numbers(:)
+    integer :: status
+    call mpi_send([size(numbers)], 1, mpi_integer, to, 0, self%comm, status)
+    call mpi_send(numbers, size(numbers), mpi_integer, to, 0, self%comm, status)
+  end subroutine give_numbers
+
+  !> The list that a rank gives.
+  subroutine take_numbers(self, from, numbers)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(in) :: from
+    integer(i4), allocatable, intent(out) :: numbers(:)
+    integer :: length(1), status
+    call mpi_recv(length, 1, mpi_integer, from, 0, self%comm, mpi_status_ignore, status)
+    allocate (numbers(length(1)))
+    call mpi_recv(numbers, length(1), mpi_integer, from, 0, self%comm, mpi_status_ignore, status)
+  end subroutine take_numbers
+
+  !> Columns for one rank, which knows their shape.
+  subroutine give_values(self, to, values)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(in) :: to
+    real(wp), intent(in), contiguous :: values(:, :)
+    integer :: status
+    call mpi_send(values, size(values), mpi_double_precision, to, 0, self%comm, status)
+  end subroutine give_values
+
+  !> The columns that a rank gives.
+  subroutine take_values(self, from, values)
+    class(ranks_type), intent(in) :: self
+    integer(i4), intent(in) :: from
+    real(wp), intent(out), contiguous :: values(:, :)
+    integer :: status
+    call mpi_recv(values, size(values), mpi_double_precision, from, 0, self%comm, &
+                  mpi_status_ignore, status)
+  end subroutine take_values
 
   !> Send rows to their ranks; received rows are ordered by their sender.
   subroutine trade(self, rows, count, taken, came)

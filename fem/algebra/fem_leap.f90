@@ -17,6 +17,7 @@ module fem_leap
     real(wp), allocatable :: sums(:, :)                  !! (6, chunks)
     real(wp) :: dt = 0.0_wp        !! [s]
     logical, allocatable :: fixed(:, :)                  !! (3, blocks)
+    logical, allocatable :: counted(:)  !! (blocks) in the sums here? Not given: all are
     real(wp) :: strain = 0.0_wp    !! u . (K u + forces of the initial stress) / 2 [J]
     real(wp) :: load = 0.0_wp      !! work of the loads in the step [J]
     real(wp) :: weight = 0.0_wp    !! weight . moved [J]
@@ -110,6 +111,9 @@ contains
     do i = (c - 1)*chunk + 1, min(c*chunk, int(size(mass), i4))
       call kick_block(work%dt, mass(i), work%fixed(:, i), work%half(:, i), work%internal(:, i), &
                       new%external(:, i), old%v(:, i), new%a(:, i), new%v(:, i), new%reaction(:, i))
+      if (allocated(work%counted)) then
+        if (.not. work%counted(i)) cycle
+      end if
       strain = strain + sum(new%u(:, i)*(work%internal(:, i) + initial(:, i)))
       load = load + sum((new%external(:, i) + old%external(:, i))*(new%u(:, i) - old%u(:, i)))
       fall = fall + sum(weight(:, i)*(new%u(:, i) - old%u(:, i)))

@@ -71,14 +71,9 @@ contains
     integer(i4) :: i, part
     self%free = free
     if (pattern%halo%several()) then
-      associate (halo => pattern%halo)
-        self%own = halo%own(halo%first_own(halo%rank):halo%first_own(halo%rank + 1) - 1)
-        self%first = 3*(halo%first_own(halo%rank) - 1)
-        self%row = [(0, i=1, pattern%nodes)]
-        do i = 1, size(halo%own)
-          self%row(halo%own(i)) = 3*(i - 1)
-        end do
-      end associate
+      self%own = pattern%halo%own_blocks()
+      self%first = 3*(pattern%halo%first_own(pattern%halo%rank) - 1)
+      self%row = 3*pattern%halo%rows()
     else
       self%own = [(i, i=1, pattern%nodes)]
       self%row = [(3*(i - 1), i=1, pattern%nodes)]

@@ -67,6 +67,7 @@ contains
         self%equation(c, i) = self%free
       end do
     end do
+    if (pattern%halo%dealt) call count_over_ranks(self, pattern)
     if (self%free == 0) return
     if (self%by_multigrid) call self%multigrid%number(dofs, pattern, self%equation > 0)
     if (self%iterative) return
@@ -77,6 +78,16 @@ contains
     if (allocated(self%value)) deallocate (self%value, self%right)
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
+
+  !> What is free on all ranks together, each block at its owner.
+  subroutine count_over_ranks(self, pattern)
+    class(fem_solver_type), intent(inout) :: self
+    type(fem_pattern_type), intent(in) :: pattern
+    real(wp) :: free(1)
+    free = real(count(self%equation(:, pattern%halo%own) > 0), wp)
+    call pattern%halo%total(free)
+    self%free = nint(free(1), i4)
+  end subroutine count_over_ranks
 
   !> Positions of the nodes; the leader alone finds the order, others have none.
   subroutine order_nodes(self, dofs, pattern, errors)

@@ -441,6 +441,7 @@ contains
     end do
     call pattern%halo%sum_up(diagonal)
     largest_entry = maxval(abs(diagonal))
+    call pattern%halo%highest(largest_entry)
   end function largest_entry
 
   !> Mean of the diagonal of each node's own block, of all ranks [N/m].

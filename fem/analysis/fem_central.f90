@@ -54,8 +54,9 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp), dimension(3, self%dofs%blocks) :: internal, half, force
-    real(wp) :: mass(self%dofs%blocks), dt, discrete, supports
+    real(wp) :: mass(self%dofs%blocks), dt, works(3)
     logical :: fixed(3, self%dofs%blocks)
+    integer(i4) :: i
 
     call self%push(t1)
     if (.not. self%damping%active()) then
@@ -86,9 +87,12 @@ contains
       where (fixed) s%reaction = s%reaction + s%a*spread(mass, 1, 3)
       s%tie = 0.0_wp
       call self%update_energy(internal)
-      call explicit_kinetic(dt, fixed, mass, old, s, self%energy%kinetic, discrete, supports)
-      self%energy%support = self%energy%support - supports
-      self%energy%numerical = self%energy%numerical + discrete
+      where (.not. self%dofs%halo%counts([(i, i=1, self%dofs%blocks)])) mass = 0.0_wp
+      call explicit_kinetic(dt, fixed, mass, old, s, works(1), works(2), works(3))
+      call self%dofs%halo%total(works)
+      self%energy%kinetic = works(1)
+      self%energy%support = self%energy%support - works(3)
+      self%energy%numerical = self%energy%numerical + works(2)
       if (self%matter%active) call self%matter_energy()
       call self%matter_fault(errors)
     end associate
@@ -100,8 +104,11 @@ contains
     real(wp), intent(in) :: t1  !! [s]
     type(error_list_type), intent(inout) :: errors
     real(wp) :: dt
+    logical :: loaded
 
     dt = t1 - self%accepted%time
+    if (self%dofs%halo%dealt .and. .not. allocated(self%leap_work%counted)) &
+      self%leap_work%counted = self%dofs%halo%mine
     associate (s => self%state, old => self%accepted, work => self%leap_work)
       s%time = t1
       call drift_all(dt, self%supports%held, self%port%prescribed, self%port%given_u, old, s, work)
@@ -111,13 +118,16 @@ contains
       call self%trial_force(s%u, work%internal)
       call kick_all(dt, self%system%node_mass, self%system%initial_force, &
         self%system%weight_force, old, s, work)
+      call sum_over_ranks(self)
+      loaded = any(abs(old%external) > 0.0_wp)
+      call self%dofs%halo%anywhere(loaded)
       if (.not. is_finite(work%strain)) call self%check_finite(errors)
       call self%begin_energy()
       associate (e => self%energy)
         e%strain = work%strain
         e%load = e%load + work%load
         ! the first step from rest raises the weight from zero, as all loads
-        e%gravity = e%gravity + merge(1.0_wp, 0.5_wp, any(abs(old%external) > 0.0_wp))*work%weight
+        e%gravity = e%gravity + merge(1.0_wp, 0.5_wp, loaded)*work%weight
         e%support = e%support + work%support
         e%kinetic = work%kinetic
         e%numerical = e%numerical + work%discrete
@@ -126,6 +136,23 @@ contains
       call self%matter_fault(errors)
     end associate
   end subroutine quick_leap
+
+  !> The sums of a step over the blocks of all ranks.
+  subroutine sum_over_ranks(self)
+    type(fem_body_type), intent(inout) :: self
+    real(wp) :: sums(6)
+    if (.not. self%dofs%halo%dealt) return
+    associate (work => self%leap_work)
+      sums = [work%strain, work%load, work%weight, work%support, work%kinetic, work%discrete]
+      call self%dofs%halo%total(sums)
+      work%strain = sums(1)
+      work%load = sums(2)
+      work%weight = sums(3)
+      work%support = sums(4)
+      work%kinetic = sums(5)
+      work%discrete = sums(6)
+    end associate
+  end subroutine sum_over_ranks
 
   !> Displacements at t1 of the motions of the deck and of rigid groups, and their velocities in the
   !! step.

@@ -52,12 +52,12 @@ contains
 
   !> Work of a residual on a correction; the rows of pressures, which are negative, count positive,
   !! so that the work of a stable body falls on the way [J].
-  pure real(wp) function work_on(self, du, residual)
+  real(wp) function work_on(self, du, residual)
     type(fem_body_type), intent(in) :: self
     real(wp), intent(in) :: du(:, :), residual(:, :)
     integer(i4) :: n
     n = self%dofs%solid
-    work_on = sum(du(:, :n)*residual(:, :n))
+    work_on = self%dofs%halo%total_of(du(:, :n)*residual(:, :n))
     if (self%pore%active) work_on = work_on - sum(du(1, n + 1:)*residual(1, n + 1:))
   end function work_on
 

@@ -46,6 +46,7 @@ contains
     iterations = body%newton%rows
     associate (last => body%dofs%solid)
       moved = sqrt(maxval(sum(body%state%u(:, :last)**2, 1)))
+      call body%dofs%halo%highest(moved)
       if (.not. body%matter%micro%active) then  ! whose state depends on total displacements
         nothing(:, last + 1:) = body%state%u(:, last + 1:)
         body%state%u = 0.0_wp

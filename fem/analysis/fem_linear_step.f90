@@ -66,24 +66,27 @@ contains
   !! relative to loads and reactions.
   subroutine part_reactions(self)
     type(fem_body_type), intent(inout) :: self
-    real(wp) :: left, scale
-    logical :: fixed(3)
+    real(wp) :: left, scale, sums(2)
+    logical :: fixed(3), counted
     integer(i4) :: i, c
     left = 0.0_wp
     scale = 0.0_wp
     associate (s => self%state)
       do i = 1, size(s%reaction, 2)
         fixed = self%supports%held(:, i) .or. self%port%prescribed(:, i)
+        counted = self%dofs%halo%counts(i)
         do c = 1, 3
-          if (fixed(c)) scale = scale + s%reaction(c, i)**2
+          if (fixed(c) .and. counted) scale = scale + s%reaction(c, i)**2
           if (fixed(c)) cycle
-          left = left + s%reaction(c, i)**2
-          scale = scale + s%external(c, i)**2
+          if (counted) left = left + s%reaction(c, i)**2
+          if (counted) scale = scale + s%external(c, i)**2
           s%reaction(c, i) = 0.0_wp
         end do
       end do
     end associate
-    if (scale > 0.0_wp) self%residual = max(self%residual, sqrt(left/scale))
+    sums = [left, scale]
+    call self%dofs%halo%total(sums)
+    if (sums(2) > 0.0_wp) self%residual = max(self%residual, sqrt(sums(1)/sums(2)))
   end subroutine part_reactions
 
   !> K u + C v and the forces of the initial stress [N, N m].

@@ -90,6 +90,7 @@ contains
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: t1
     type(part_type), intent(inout) :: part
+    logical :: loaded
     part%load = self%accepted%external
     part%u = self%accepted%u
     part%goal_u = self%accepted%u
@@ -97,7 +98,9 @@ contains
     call self%impose(t1, part%goal_u)
     allocate (part%goal_load, part%raw, mold=part%load)
     call self%external_at(t1, part%goal_load)
-    if (any(abs(part%load) > 0.0_wp)) part%weight_before = 1.0_wp
+    loaded = any(abs(part%load) > 0.0_wp)
+    call self%dofs%halo%anywhere(loaded)
+    if (loaded) part%weight_before = 1.0_wp
     if (allocated(self%loads%follower)) call begin_pressures(self, t1, part)
     if (.not. self%scheme%dynamic) return
     allocate (part%inertia, mold=part%load)
@@ -226,16 +229,19 @@ contains
     real(wp), intent(in) :: residual(:, :), ratio
     integer(i4), intent(in) :: iterations
     integer(i4) :: bad, n
+    real(wp) :: most
     n = self%dofs%solid
     if (part%leak > ratio) then
       bad = self%dofs%node(n + int(maxloc(abs(residual(1, n + 1:)), 1), i4))
       part%reason = 'the liquid out of balance is '//str(part%leak)//' of what moves'
     else
-      bad = int(maxloc(sum(residual(:, :n)**2, 1), 1), i4)
+      bad = self%mesh%number_of(int(maxloc(sum(residual(:, :n)**2, 1), 1), i4))
+      most = maxval(sum(residual(:, :n)**2, 1))
+      if (self%dofs%halo%dealt) call self%dofs%halo%largest(most, bad)
       part%reason = 'the residual is '//str(ratio)//' of loads and reactions'
     end if
     part%reason = part%reason//' after '//str(iterations)//' iterations, most at node '// &
-      str(bad)//', element '//str(element_at(self, bad))
+      str(bad)//', element '//str(element_at(self, self%mesh%place_of(bad)))
   end subroutine blame_balance
 
   !> Displacements by the tangent of the accepted state: prescribed ones to their values, the others
@@ -246,6 +252,7 @@ contains
     real(wp), intent(out) :: du(:, :)
     logical, intent(out) :: good
     real(wp), dimension(3, self%dofs%blocks) :: internal, residual, given, carried
+    real(wp) :: most
     integer(i4) :: bad
 
     call lack_at_faces(self, given)
@@ -268,7 +275,9 @@ contains
     call balance(self, part, given, internal, residual)
     call assemble(self, part)
     carried = 0.0_wp
-    if (maxval(abs(given)) > 0.0_wp) call multiply_general(self%system%pattern, self%system%k, &
+    most = maxval(abs(given))
+    call self%dofs%halo%highest(most)
+    if (most > 0.0_wp) call multiply_general(self%system%pattern, self%system%k, &
       self%system%lower, given, carried)
     call solve(self, part, residual - carried, du, good)
     du = du + given
@@ -334,6 +343,7 @@ contains
     logical, intent(out) :: good
     type(error_list_type) :: errors
     real(wp) :: rate, mass_term
+    logical :: lost
     du = 0.0_wp
     mass_term = 0.0_wp
     if (.not. same_matrix(self, part%dt)) then
@@ -354,8 +364,9 @@ contains
       merge(0.0_wp, residual, fixed_now(self)), du, errors)
     if (errors%any() .and. self%system%solver%iterative .and. self%system%solver%by_choice) &
       call solve_by_factors(self, residual, du, errors)
-    good = .not. errors%any()
-    if (good) good = is_finite(sum(abs(du)))
+    lost = .not. is_finite(sum(abs(du)))
+    call self%dofs%halo%anywhere(lost)
+    good = .not. (errors%any() .or. lost)
     if (good) return
     part%reason = 'the tangent is singular'
     if (errors%any()) part%reason = errors%item(1)%message
@@ -390,8 +401,8 @@ contains
                             internal, bad)
     if (self%pore%active .and. self%scheme%dynamic) call swing(self, moved)
     call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, moved, internal)
-    if (self%supports%ground%n == 0) return
-    call spring_force(self%supports%ground, 0.0_wp*moved, self%accepted%u + moved, springs)
+    if (.not. self%supports%sprung()) return
+    call self%ground_force(self%accepted%u + moved, springs)
     internal = internal - springs
   end subroutine inner_force
 
@@ -449,7 +460,7 @@ contains
     if (seek) start = self%state%u - self%accepted%u
     before = 0.0_wp
     if (seek) before = work_on(self, du, residual)
-    forces = sum(residual(:, :self%dofs%solid)**2)
+    forces = self%dofs%halo%total_of(residual(:, :self%dofs%solid)**2)
     flow = out_of_balance(self, residual)
     share = 1.0_wp
     do k = 1, most_searches
@@ -491,8 +502,8 @@ contains
     real(wp) :: momentum(3, self%dofs%blocks), stiffest
     integer(i4) :: n
     n = self%dofs%solid
-    size_of = sqrt(sum(residual(:, :n)**2))
-    scale = sum(merge(part%raw(:, :n)**2, self%state%external(:, :n)**2, &
+    size_of = sqrt(self%dofs%halo%total_of(residual(:, :n)**2))
+    scale = self%dofs%halo%total_of(merge(part%raw(:, :n)**2, self%state%external(:, :n)**2, &
                       self%supports%held(:, :n) .or. self%port%prescribed(:, :n)))
     if (self%scheme%dynamic) then
       call multiply_mass(self%system%pattern, self%system%mass, self%state%v, momentum)
@@ -502,19 +513,19 @@ contains
       scale = sqrt(scale)
     else
       stiffest = largest_entry(self%system%pattern, self%system%k)
-      scale = sqrt(scale + (floor_of*stiffest)**2*sum(self%state%u**2))
+      scale = sqrt(scale + (floor_of*stiffest)**2*self%dofs%halo%total_of(self%state%u**2))
       scale = max(scale, stiffest*round_off(self)/self%newton%tolerance)
     end if
   end subroutine measure
 
   !> Norm of displacements that deformation gradients of finite strain cannot tell from none [m]:
   !! some units in the last place of 1 over an element, at every node.
-  pure real(wp) function round_off(self)
+  real(wp) function round_off(self)
     type(fem_body_type), intent(in) :: self
     real(wp), parameter :: units = 8.0_wp
     real(wp) :: extent, nodes
-    nodes = real(size(self%mesh%x, 2), wp)
-    extent = maxval(maxval(self%mesh%x, 2) - minval(self%mesh%x, 2))
+    nodes = real(self%mesh%total_nodes(), wp)
+    extent = self%dofs%halo%extent(self%mesh%x)
     round_off = units*epsilon(1.0_wp)*extent/nodes**(1.0_wp/3.0_wp)*sqrt(nodes)
   end function round_off
 
@@ -560,9 +571,11 @@ contains
       if (part%weight_before < 1.0_wp) weight = [part%before, part%after]
       call self%begin_energy()
       call self%matter_energy()
-      e%load = e%load + 0.5_wp*sum(moved*(s%external + old%external))
-      e%gravity = e%gravity + 0.5_wp*sum(weight)*sum(moved*self%system%weight_force)
-      e%support = e%support + 0.5_wp*sum(moved(:, :n)*(s%reaction(:, :n) + old%reaction(:, :n)))
+      e%load = e%load + 0.5_wp*self%dofs%halo%total_of(moved*(s%external + old%external))
+      e%gravity = e%gravity + 0.5_wp*sum(weight) &
+        *self%dofs%halo%total_of(moved*self%system%weight_force)
+      e%support = e%support + 0.5_wp*self%dofs%halo%total_of(moved(:, :n) &
+        *(s%reaction(:, :n) + old%reaction(:, :n)))
       if (self%port%robin%n > 0) e%spring = e%spring + 0.5_wp*sum(moved*(s%tie + old%tie))
     end associate
     if (self%pore%active) call finish_flow(self)

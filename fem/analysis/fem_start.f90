@@ -41,7 +41,7 @@ contains
         call multiply_mass(self%system%pattern, self%system%mass, s%v, momentum)
         momentum = momentum + lacking_inertia(self, s%u, s%v)
       end if
-      self%energy%kinetic = 0.5_wp*sum(s%v*momentum)
+      self%energy%kinetic = 0.5_wp*self%dofs%halo%total_of(s%v*momentum)
     end associate
     call store_strain(self, internal)
     self%energy%start = self%energy%kinetic + self%energy%strain + self%energy%plastic &
@@ -55,12 +55,16 @@ contains
   subroutine store_strain(self, internal)
     type(fem_body_type), intent(inout) :: self
     real(wp), intent(in) :: internal(:, :)  !! [N]
-    if (.not. maxval(abs(self%state%u)) > 0.0_wp) return
+    real(wp) :: most
+    most = maxval(abs(self%state%u))
+    call self%dofs%halo%highest(most)
+    if (.not. most > 0.0_wp) return
     if (self%matter%active) then
       call self%matter_energy()
       call self%matter%accept()
     else
-      self%energy%strain = 0.5_wp*sum(self%state%u*(internal + self%system%initial_force))
+      self%energy%strain = 0.5_wp*self%dofs%halo%total_of(self%state%u &
+        *(internal + self%system%initial_force))
     end if
   end subroutine store_strain
 

@@ -144,8 +144,8 @@ contains
         call tangent_frequency(self%mesh, self%dofs, self%elastic, self%matter, &
                                self%port%mass_factor, square, self%limit%stiffest)
       call name_stiffest(self, square)
-      square = square + spring_rate(self%supports%ground, self%system%node_mass) &
-               + spring_rate(self%port%robin, self%system%node_mass)
+      square = square + spring_rate(self%dofs%halo, self%supports%ground, self%system%node_mass) &
+               + spring_rate(self%dofs%halo, self%port%robin, self%system%node_mass)
       self%limit%step = stable_step(sqrt(square), self%damping%stiffness)
     else if (self%scheme%dynamic .and. 2.0_wp*self%scheme%beta < self%scheme%gamma) then
       call largest_frequency(self%mesh, self%dofs, self%elastic, self%port%mass_factor, .false., &

@@ -22,6 +22,7 @@ module fem_body_forces
     procedure :: trial_force
     procedure :: internal_force
     procedure :: viscous_force
+    procedure :: ground_force
     procedure :: interface_force
     procedure :: update_energy
     procedure :: matter_energy
@@ -87,9 +88,9 @@ contains
     call self%matter%update(self%mesh, self%dofs, self%elastic, u, u - self%accepted%u, force, bad)
     call self%pore%force(self%mesh, self%dofs, self%elastic, self%accepted%u, &
                          u - self%accepted%u, force)
-    if (self%supports%ground%n == 0) return
+    if (.not. self%supports%sprung()) return
     allocate (springs, mold=u)
-    call spring_force(self%supports%ground, 0.0_wp*u, u, springs)
+    call self%ground_force(u, springs)
     force = force - springs
   end subroutine trial_force
 
@@ -106,6 +107,15 @@ contains
     end if
     if (self%elastic%has_initial) force = force + self%system%initial_force
   end subroutine internal_force
+
+  !> Forces of the springs to the ground [N]; where nodes are dealt out each rank has its own.
+  subroutine ground_force(self, u, force)
+    class(fem_body_forces_type), intent(in) :: self
+    real(wp), intent(in) :: u(:, :)
+    real(wp), intent(out), contiguous :: force(:, :)
+    call spring_force(self%supports%ground, 0.0_wp*u, u, force)
+    if (self%dofs%halo%dealt) call self%dofs%halo%sum_up(force)
+  end subroutine ground_force
 
   !> C v of the damping [N, N m].
   subroutine viscous_force(self, v, force)
@@ -151,10 +161,14 @@ contains
     real(wp), intent(in) :: internal(:, :)  !! K u + initial [N]
     real(wp) :: momentum(3, self%dofs%blocks), before
     type(fem_works_type) :: works
+    logical :: loaded
     associate (s => self%state, old => self%accepted, e => self%energy)
       ! the first static step raises the weight from zero, as all loads
-      before = merge(1.0_wp, 0.0_wp, any(abs(old%external) > 0.0_wp))
-      call step_works(old, s, internal, self%system%initial_force, self%system%weight_force, works)
+      loaded = any(abs(old%external) > 0.0_wp)
+      call self%dofs%halo%anywhere(loaded)
+      before = merge(1.0_wp, 0.0_wp, loaded)
+      call step_works(self%dofs%halo, old, s, internal, self%system%initial_force, &
+        self%system%weight_force, works)
       call self%begin_energy()
       e%strain = works%strain
       e%load = e%load + works%load
@@ -186,10 +200,11 @@ contains
     else
       self%energy%numerical = works(3)
     end if
-    if (self%supports%ground%n == 0) return
+    if (.not. self%supports%sprung()) return
     allocate (springs, mold=self%state%u)
-    call spring_force(self%supports%ground, 0.0_wp*self%state%u, self%state%u, springs)
-    self%energy%strain = self%energy%strain - 0.5_wp*sum(springs*self%state%u)
+    call self%ground_force(self%state%u, springs)
+    self%energy%strain = self%energy%strain &
+      - 0.5_wp*self%dofs%halo%total_of(springs*self%state%u)
   end subroutine matter_energy
 
   !> Faults N312 and N313 where the last update found a point without a state.

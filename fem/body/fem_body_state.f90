@@ -47,6 +47,7 @@ module fem_body_state
     procedure :: impose
     procedure :: push
     procedure :: check_finite
+    procedure :: collect_blocks
     procedure :: keep
     procedure :: put_back
     procedure :: hand_over
@@ -127,13 +128,32 @@ contains
   subroutine check_finite(self, errors)
     class(fem_body_state_type), intent(in) :: self
     type(error_list_type), intent(inout) :: errors
-    integer(i4) :: bad(2)
-    if (is_finite(sum(abs(self%state%u)))) return
+    integer(i4) :: bad(2), node
+    logical :: lost
+    lost = .not. is_finite(sum(abs(self%state%u)))
+    call self%dofs%halo%anywhere(lost)
+    if (.not. lost) return
     bad = findloc(is_finite(self%state%u), .false.)
-    call errors%add('N304', 'the displacement of node '//str(self%dofs%node(bad(2)))// &
+    node = huge(node)
+    if (bad(2) > 0) node = self%mesh%number_of(self%dofs%node(bad(2)))
+    call self%dofs%halo%least_number(node)
+    call errors%add('N304', 'the displacement of node '//str(node)// &
                     ' is not finite', 'time '//str(self%state%time)//' s', &
                     'check loads, moduli and supports')
   end subroutine check_finite
+
+  !> Values (m, blocks) of all blocks on the leader, in the order of the mesh; none elsewhere.
+  subroutine collect_blocks(self, values, all)
+    class(fem_body_state_type), intent(in) :: self
+    real(wp), intent(in) :: values(:, :)
+    real(wp), allocatable, intent(out) :: all(:, :)
+    integer(i4) :: none(0)
+    if (self%dofs%halo%dealt) then
+      call self%whole%collect_blocks(self%dofs%halo%own, values, all)
+    else
+      call self%whole%collect_blocks(none, values, all)
+    end if
+  end subroutine collect_blocks
 
   !> Save the accepted state.
   subroutine keep(self, kept)

@@ -8,6 +8,7 @@ module fem_critical
   use fem_assembly, only: stiffness_of, lumped_mass_of, mass_of
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
+  use fem_halo, only: fem_halo_type
   use fem_spectrum, only: lanes, largest_values
   use fem_types, only: fem_mesh_type, fem_springs_type
   implicit none
@@ -162,21 +163,24 @@ contains
   end subroutine scale_block_mass
 
   !> What springs add at most to the square of a frequency [1/s^2]: their row sums over the mass.
-  pure real(wp) function spring_rate(springs, mass)
+  real(wp) function spring_rate(halo, springs, mass)
+    type(fem_halo_type), intent(in) :: halo
     type(fem_springs_type), intent(in) :: springs
     real(wp), intent(in) :: mass(:)  !! (blocks) lumped [kg]
-    real(wp) :: extra(size(mass))
+    real(wp) :: extra(1, size(mass))
     integer(i4) :: s, a
     spring_rate = 0.0_wp
-    if (springs%n == 0) return
+    if (springs%n == 0 .and. .not. halo%dealt) return
     extra = 0.0_wp
     do s = 1, springs%n
       do a = 1, size(springs%node, 1)
-        extra(springs%node(a, s)) = extra(springs%node(a, s)) + abs(springs%weight(a, s)) &
+        extra(1, springs%node(a, s)) = extra(1, springs%node(a, s)) + abs(springs%weight(a, s)) &
           *sum(abs(springs%weight(:, s)))*maxval(sum(abs(springs%stiffness(:, :, s)), 1))
       end do
     end do
-    spring_rate = maxval(extra/mass)
+    if (halo%dealt) call halo%sum_up(extra)
+    spring_rate = maxval(extra(1, :)/mass)
+    call halo%highest(spring_rate)
   end function spring_rate
 
   !> Stiffness of an element; its mass, lumped (1, n) or consistent (n, n).

@@ -2,6 +2,7 @@
 !! faces: theory, dynamics).
 module fem_damping
   use talus_kinds, only: wp, i4
+  use fem_halo, only: fem_halo_type
   use fem_sparse, only: fem_pattern_type, multiply, multiply_mass
   implicit none
   private
@@ -18,6 +19,7 @@ module fem_damping
     procedure :: force
     procedure :: add_dashpots
     procedure :: add_face
+    procedure :: complete
   end type fem_damping_type
 
 contains
@@ -62,6 +64,23 @@ contains
       k(:, :, p) = k(:, :, p) + factor*self%dashpot(:, :, i)
     end do
   end subroutine add_dashpots
+
+  !> The dashpots of all ranks' faces at the blocks of this one, where these are dealt out.
+  subroutine complete(self, halo)
+    class(fem_damping_type), intent(inout) :: self
+    type(fem_halo_type), intent(in) :: halo
+    real(wp), allocatable :: all(:, :)
+    integer(i4) :: i
+    if (.not. halo%dealt) return
+    allocate (all(9, size(halo%mine)), source=0.0_wp)
+    do i = 1, self%n
+      all(:, self%block(i)) = reshape(self%dashpot(:, :, i), [9])
+    end do
+    call halo%sum_up(all)
+    self%block = pack([(i, i=1, size(all, 2))], maxval(abs(all), 1) > 0.0_wp)
+    self%n = int(size(self%block), i4)
+    self%dashpot = reshape(all(:, self%block), [3_i4, 3_i4, self%n])
+  end subroutine complete
 
   !> Dashpots c (3, 3) [N s/m] of the nodes of a face, added to those that they have already.
   subroutine add_face(self, block, c)

@@ -7,14 +7,14 @@ module fem_distribute
   use fem_body, only: fem_body_type
   use fem_dofs, only: fem_dofs_type
   use fem_elastic, only: fem_elastic_type
-  use fem_partition, only: part_elements, make_halo
+  use fem_partition, only: part_elements, make_halo, rank_of
   use talus_ranks, only: ranks_type
   use fem_sparse, only: elements_of_blocks
   use fem_stages, only: fem_stages_type
   use fem_types, only: fem_mesh_type, group_volume
   implicit none
   private
-  public :: share_out
+  public :: share_out, list_laws
 
 contains
 
@@ -48,7 +48,7 @@ contains
     body%matter%ranks = ranks
     body%whole%point = body%elastic%point
     if (allocated(body%matter%law_of)) then
-      body%whole%law_of = body%matter%law_of
+      call list_laws(body%matter%law_of, body%whole%laws)
       body%matter%law_of = body%matter%law_of(mine)
     end if
     if (body%matter%micro%active) body%matter%micro%law_of = body%matter%micro%law_of(mine)
@@ -62,6 +62,14 @@ contains
     call keep_dofs(body%dofs, mine)
     call move_alloc(part, body%whole%part)
   end subroutine share_out
+
+  !> The laws that some element has.
+  pure subroutine list_laws(law_of, laws)
+    integer(i4), intent(in) :: law_of(:)
+    integer(i4), allocatable, intent(out) :: laws(:)
+    integer(i4) :: m
+    laws = pack([(m, m=1, maxval(law_of))], [(any(law_of == m), m=1, maxval(law_of))])
+  end subroutine list_laws
 
   !> Springs and pressures on facets belong to the rank that has their element.
   subroutine own_surfaces(body, part)
@@ -89,26 +97,6 @@ contains
       end associate
     end do
   end subroutine own_surfaces
-
-  !> Rank of the first element that has all of some blocks.
-  pure integer(i4) function rank_of(dofs, part, first, list, blocks)
-    type(fem_dofs_type), intent(in) :: dofs
-    integer(i4), intent(in) :: part(:), first(:), list(:), blocks(:)
-    integer(i4) :: k, a
-    logical :: all_there
-    rank_of = 0
-    do k = first(blocks(1)), first(blocks(1) + 1) - 1
-      associate (e => list(k))
-        all_there = .true.
-        do a = 2, size(blocks)
-          all_there = all_there .and. &
-                      any(dofs%block(dofs%start(e):dofs%start(e + 1) - 1) == blocks(a))
-        end do
-        rank_of = part(e)
-        if (all_there) return
-      end associate
-    end do
-  end function rank_of
 
   !> Columns of the points of some elements.
   pure subroutine keep_columns(point, mine, values)

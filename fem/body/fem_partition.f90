@@ -9,7 +9,7 @@ module fem_partition
   use fem_types, only: fem_mesh_type
   implicit none
   private
-  public :: part_elements, make_halo
+  public :: part_elements, make_halo, rank_of, blocks_of_part
 
   integer(c_int), parameter :: metis_ok = 1
   integer(c_int), parameter :: face_nodes = 3  !! that two elements share at least
@@ -97,6 +97,26 @@ contains
       if (part(e) == r) there(dofs%block(dofs%start(e):dofs%start(e + 1) - 1)) = .true.
     end do
   end subroutine blocks_of_part
+
+  !> Rank of the first element that has all of some blocks.
+  pure integer(i4) function rank_of(dofs, part, first, list, blocks)
+    type(fem_dofs_type), intent(in) :: dofs
+    integer(i4), intent(in) :: part(:), first(:), list(:), blocks(:)
+    integer(i4) :: k, a
+    logical :: all_there
+    rank_of = 0
+    do k = first(blocks(1)), first(blocks(1) + 1) - 1
+      associate (e => list(k))
+        all_there = .true.
+        do a = 2, size(blocks)
+          all_there = all_there .and. &
+                      any(dofs%block(dofs%start(e):dofs%start(e + 1) - 1) == blocks(a))
+        end do
+        rank_of = part(e)
+        if (all_there) return
+      end associate
+    end do
+  end function rank_of
 
   !> Append the numbers of the true ones.
   pure subroutine append(which, list)

@@ -48,8 +48,10 @@ module fem_parts
     type(fem_motion_type), allocatable :: motion(:)
     type(fem_rigid_type), allocatable :: rigid(:)  !! groups that move as rigid bodies
     type(fem_springs_type) :: ground               !! springs to the ground
+    logical :: sprung_elsewhere = .false.          !! other ranks have some, of dealt nodes
   contains
     procedure :: hold
+    procedure :: sprung
   end type fem_supports_type
 
   !> What a partner at the port sets.
@@ -150,6 +152,12 @@ contains
     integer(i4), intent(in) :: component, block(:)
     self%held(component, block) = .true.
   end subroutine hold
+
+  !> Are there springs to the ground, here or on another rank?
+  pure logical function sprung(self)
+    class(fem_supports_type), intent(in) :: self
+    sprung = self%ground%n > 0 .or. self%sprung_elsewhere
+  end function sprung
 
   !> What a partner moves; what it did not move before keeps its displacement u.
   pure subroutine prescribe(self, chosen, u)

@@ -6,6 +6,7 @@ module fem_supports
   use talus_text, only: str
   use fem_types, only: fem_mesh_type, fem_springs_type
   use fem_dofs, only: fem_dofs_type
+  use fem_halo, only: fem_halo_type
   use fem_sparse, only: fem_pattern_type
   implicit none
   private
@@ -23,36 +24,36 @@ contains
     logical, intent(in) :: fixed(:, :)             !! (3, blocks)
     type(fem_springs_type), intent(in) :: springs
     type(error_list_type), intent(inout) :: errors
-    integer(i4), allocatable :: part(:)
-    real(wp), allocatable :: gram(:, :, :), centre(:, :)
-    integer(i4) :: parts, p
+    integer(i4), allocatable :: part(:), first(:)
+    real(wp), allocatable :: gram(:, :, :), centre(:, :), nodes(:), sums(:)
+    integer(i4) :: p
 
-    call connected_parts(pattern, part, parts)
-    call part_centres(mesh, part, parts, centre)
+    if (pattern%halo%dealt) then
+      call parts_of_pieces(mesh, pattern, part, first)
+    else
+      call connected_parts(pattern, part, first)
+    end if
+    call part_centres(mesh, pattern%halo, part, size(first), centre, nodes)
     call hold(mesh, dofs, part, fixed, springs, centre, gram)
-    do p = 1, parts
-      call judge(mesh, part, p, gram(:, :, p), errors)
+    sums = reshape(gram, [size(gram)])
+    call pattern%halo%total(sums)
+    gram = reshape(sums, shape(gram))
+    do p = 1, size(first)
+      call judge([first(p), nint(nodes(p), i4), mesh%total_nodes()], gram(:, :, p), errors)
     end do
   end subroutine check_supports
 
-  !> Part number of each block.
-  subroutine connected_parts(pattern, part, parts)
+  !> Part number of each block, and the first block of each part.
+  subroutine connected_parts(pattern, part, first)
     type(fem_pattern_type), intent(in) :: pattern
-    integer(i4), allocatable, intent(out) :: part(:)
-    integer(i4), intent(out) :: parts
+    integer(i4), allocatable, intent(out) :: part(:), first(:)
     integer(i4), allocatable :: root(:)
-    integer(i4) :: i, p, a, b
+    integer(i4) :: i, parts
 
-    allocate (root(pattern%nodes), part(pattern%nodes))
-    root = [(i, i=1, pattern%nodes)]
-    do i = 1, pattern%nodes
-      do p = pattern%start(i), pattern%start(i + 1) - 1
-        a = top(root, i)
-        b = top(root, pattern%column(p))
-        root(max(a, b)) = min(a, b)
-      end do
-    end do
+    call connect(pattern, root)
     call join_over_ranks(pattern, root)
+    allocate (part(pattern%nodes))
+    first = pack([(i, i=1, pattern%nodes)], root == [(i, i=1, pattern%nodes)])
     parts = 0
     do i = 1, pattern%nodes
       if (root(i) == i) then
@@ -63,6 +64,57 @@ contains
       end if
     end do
   end subroutine connected_parts
+
+  !> The same of nodes that are dealt out; the first nodes by their ids in the whole mesh.
+  subroutine parts_of_pieces(mesh, pattern, part, first)
+    type(fem_mesh_type), intent(in) :: mesh
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), allocatable, intent(out) :: part(:), first(:)
+    integer(i4), allocatable :: root(:), label(:), shared(:)
+    integer(i4) :: i, least
+    logical :: again
+
+    call connect(pattern, root)
+    do i = 1, size(root)
+      root(i) = top(root, i)
+    end do
+    label = mesh%number_of(root)  ! the least id of those that are connected here
+    again = .true.
+    do while (again)
+      shared = label
+      call pattern%halo%least_shared(shared)
+      again = any(shared /= label)
+      do i = 1, size(root)
+        label(root(i)) = min(label(root(i)), shared(i))
+      end do
+      label = label(root)
+      call pattern%halo%any_of(again)
+    end do
+    allocate (first(0), part(size(label)))
+    least = 0
+    do
+      least = minval(label, mask=label > least)  ! the largest of all where there is none
+      call pattern%halo%least_number(least)
+      if (least == huge(least)) exit
+      first = [first, least]
+      where (label == least) part = int(size(first), i4)
+    end do
+  end subroutine parts_of_pieces
+
+  !> The block that each is connected to by elements of this rank, which may be itself.
+  pure subroutine connect(pattern, root)
+    type(fem_pattern_type), intent(in) :: pattern
+    integer(i4), allocatable, intent(out) :: root(:)
+    integer(i4) :: i, p, a, b
+    root = [(i, i=1, pattern%nodes)]
+    do i = 1, pattern%nodes
+      do p = pattern%start(i), pattern%start(i + 1) - 1
+        a = top(root, i)
+        b = top(root, pattern%column(p))
+        root(max(a, b)) = min(a, b)
+      end do
+    end do
+  end subroutine connect
 
   !> Connect parts by the elements of other ranks; all ranks find the same.
   subroutine join_over_ranks(pattern, root)
@@ -96,20 +148,23 @@ contains
     end do
   end function top
 
-  subroutine part_centres(mesh, part, parts, centre)
+  !> Centres of the parts, and how many nodes each has.
+  subroutine part_centres(mesh, halo, part, parts, centre, nodes)
     type(fem_mesh_type), intent(in) :: mesh
+    type(fem_halo_type), intent(in) :: halo
     integer(i4), intent(in) :: part(:), parts
-    real(wp), allocatable, intent(out) :: centre(:, :)
-    integer(i4) :: count(parts), i
-    allocate (centre(3, parts))
-    centre = 0.0_wp
-    count = 0
+    real(wp), allocatable, intent(out) :: centre(:, :), nodes(:)
+    integer(i4) :: i
+    allocate (centre(3, parts), nodes(parts), source=0.0_wp)
     do i = 1, mesh%nodes
+      if (.not. halo%counts(i)) cycle
       centre(:, part(i)) = centre(:, part(i)) + mesh%x(:, i)
-      count(part(i)) = count(part(i)) + 1
+      nodes(part(i)) = nodes(part(i)) + 1.0_wp
     end do
-    do i = 1, parts
-      centre(:, i) = centre(:, i)/count(i)
+    call halo%total(nodes)
+    do i = 1, 3
+      call halo%total(centre(i, :))
+      centre(i, :) = centre(i, :)/nodes
     end do
   end subroutine part_centres
 
@@ -128,8 +183,9 @@ contains
 
     allocate (gram(6, 6, size(centre, 2)))
     gram = 0.0_wp
-    length = maxval(maxval(mesh%x, dim=2) - minval(mesh%x, dim=2))
+    length = dofs%halo%extent(mesh%x)
     do i = 1, mesh%nodes
+      if (.not. dofs%halo%counts(i)) cycle
       motion = rigid((mesh%x(:, i) - centre(:, part(i)))/length)
       do c = 1, 3
         if (fixed(c, i)) call add(gram(:, :, part(i)), motion(c, :))
@@ -222,9 +278,9 @@ contains
     end do
   end function free_motions
 
-  subroutine judge(mesh, part, p, gram, errors)
-    type(fem_mesh_type), intent(in) :: mesh
-    integer(i4), intent(in) :: part(:), p
+  !> Fault of a part that is not held.
+  subroutine judge(part, gram, errors)
+    integer(i4), intent(in) :: part(3)  !! its first node, its nodes, and those of the mesh
     real(wp), intent(in) :: gram(6, 6)
     type(error_list_type), intent(inout) :: errors
     real(wp) :: vectors(6, 6), values(6), work(64)
@@ -237,8 +293,8 @@ contains
     if (info /= 0 .or. free == 0) return
     call errors%add('I307', 'the body is not held: '//str(free)//' of 6 rigid motions are '// &
                     'free: '//free_motions(vectors(:, :free)), &
-                    'the part with node '//str(int(findloc(part, p, 1), i4))//' ('// &
-                    str(count(part(:mesh%nodes) == p))//' of '//str(mesh%nodes)//' nodes)', &
+                    'the part with node '//str(part(1))//' ('// &
+                    str(part(2))//' of '//str(part(3))//' nodes)', &
                     'add a &support, or springs, that stop it')
   end subroutine judge
 end module fem_supports

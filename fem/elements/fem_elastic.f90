@@ -4,6 +4,7 @@ module fem_elastic
   use fem_hourglass, only: usual_share
   use fem_layered, only: fem_layered_type
   use fem_rules, only: fem_formulation_type, make_rule, rule_index
+  use fem_types, only: place_in
   implicit none
   private
   public :: fem_elastic_type, classical, polar, micromorphic
@@ -107,18 +108,8 @@ contains
   pure integer(i4) function place_of(self, number)
     class(fem_elastic_type), intent(in) :: self
     integer(i4), intent(in) :: number
-    integer(i4) :: low, high
     place_of = number
-    if (.not. allocated(self%id)) return
-    low = 1
-    high = int(size(self%id), i4)
-    do while (low < high)  ! numbers ascend
-      place_of = (low + high)/2
-      if (self%id(place_of) < number) low = place_of + 1
-      if (self%id(place_of) >= number) high = place_of
-    end do
-    place_of = 0
-    if (self%id(low) == number) place_of = low
+    if (allocated(self%id)) place_of = place_in(self%id, number)
   end function place_of
 
   !> Has a stage removed element e, or not yet placed it?

@@ -7,7 +7,7 @@ module fem_types
   public :: fem_mesh_type, fem_group_type, fem_load_type
   public :: fem_state_type, fem_springs_type, fem_energy_type, fem_set_type
   public :: group_volume, group_facet, group_node, name_length
-  public :: role_report, role_prescribe, role_load
+  public :: role_report, role_prescribe, role_load, place_in
 
   integer(i4), parameter :: group_volume = 3, group_facet = 2, group_node = 0
   integer(i4), parameter :: name_length = 64
@@ -33,6 +33,13 @@ module fem_types
     integer(i4), allocatable :: node(:)     !! node ids of all elements, VTK order
     integer(i4), allocatable :: hex8(:, :)  !! (8, elements) the same if all are hex8
     type(fem_group_type), allocatable :: group(:)
+    integer(i4), allocatable :: number(:)   !! (nodes) id in the whole mesh, of a piece of one
+    integer(i4) :: all_nodes = 0            !! of the whole mesh, of a piece of one
+  contains
+    procedure :: is_piece
+    procedure :: number_of
+    procedure :: place_of
+    procedure :: total_nodes
   end type fem_mesh_type
 
   !> A load pattern (3, blocks) that follows a curve; curve 0 means constant.
@@ -91,6 +98,50 @@ module fem_types
   end type fem_energy_type
 
 contains
+
+  !> Does it have the nodes of one rank's elements alone?
+  pure logical function is_piece(self)
+    class(fem_mesh_type), intent(in) :: self
+    is_piece = allocated(self%number)
+  end function is_piece
+
+  !> Id of node i in the whole mesh.
+  elemental integer(i4) function number_of(self, i)
+    class(fem_mesh_type), intent(in) :: self
+    integer(i4), intent(in) :: i
+    number_of = i
+    if (allocated(self%number) .and. i > 0) number_of = self%number(i)
+  end function number_of
+
+  !> Place here of a node of the whole mesh, 0 if it is not here.
+  pure integer(i4) function place_of(self, number)
+    class(fem_mesh_type), intent(in) :: self
+    integer(i4), intent(in) :: number
+    place_of = number
+    if (allocated(self%number)) place_of = place_in(self%number, number)
+  end function place_of
+
+  !> Nodes of the whole mesh.
+  pure integer(i4) function total_nodes(self)
+    class(fem_mesh_type), intent(in) :: self
+    total_nodes = merge(self%all_nodes, self%nodes, allocated(self%number))
+  end function total_nodes
+
+  !> Place of a number in a list that ascends, 0 if it is not there.
+  pure integer(i4) function place_in(list, number) result(place)
+    integer(i4), intent(in) :: list(:), number
+    integer(i4) :: low, high
+    place = 0
+    if (size(list) == 0) return
+    low = 1
+    high = int(size(list), i4)
+    do while (low < high)
+      place = (low + high)/2
+      if (list(place) < number) low = place + 1
+      if (list(place) >= number) high = place
+    end do
+    place = merge(low, 0_i4, list(low) == number)
+  end function place_in
 
   !> The state is accepted: what its ledger's closure is measured by.
   pure subroutine keep_largest(self)

@@ -79,8 +79,9 @@ contains
       if (self%every_history > 0.0_wp) self%next_history = after(start_time, self%every_history)
       if (self%every_output > 0.0_wp) self%next_output = after(start_time, self%every_output)
     end if
+    if (self%every_history > 0.0_wp) call list_supports(self, deck, body)
     if (.not. body%whole%ranks%leads()) return
-    if (self%every_history > 0.0_wp) call open_histories(self, deck, stem, body, start_time, errors)
+    if (self%every_history > 0.0_wp) call open_histories(self, stem, body, start_time, errors)
     if (self%every_history > 0.0_wp .or. analysis%listed) &
       call open_table(self, stem, body, analysis, start_time, errors)
     if (self%every_output > 0.0_wp) call open_fields(self, stem, body, start_time, errors)
@@ -91,9 +92,27 @@ contains
     after = intervals_until(time + near*every, every) + 1
   end function after
 
-  subroutine open_histories(self, deck, stem, body, start_time, errors)
+  !> Groups whose reactions are written: those of supports and motions, each once.
+  subroutine list_supports(self, deck, body)
     class(fem_output_type), intent(inout) :: self
     type(deck_type), intent(in) :: deck
+    type(fem_body_type), intent(in) :: body
+    character(len=:), allocatable :: name
+    integer(i4) :: s, g
+    allocate (self%support(0))
+    do s = 1, deck%count('support') + deck%count('motion')
+      if (s <= deck%count('support')) then
+        call deck%get('support', s, 'group', name)
+      else
+        call deck%get('motion', s - deck%count('support'), 'group', name)
+      end if
+      g = find_group(body%mesh, name, [group_facet, group_node, group_volume])
+      if (g > 0 .and. .not. any(self%support == g)) self%support = [self%support, g]
+    end do
+  end subroutine list_supports
+
+  subroutine open_histories(self, stem, body, start_time, errors)
+    class(fem_output_type), intent(inout) :: self
     character(len=*), intent(in) :: stem
     type(fem_body_type), intent(in) :: body
     real(wp), intent(in) :: start_time
@@ -104,7 +123,7 @@ contains
     character(len=*), parameter :: ledger(9) = [character(len=18) :: 'time [s]', 'strain [J]', &
       'kinetic [J]', 'load [J]', 'gravity [J]', 'support [J]', 'spring [J]', 'damping [J]', &
       'numerical [J]']
-    integer(i4) :: k, c, s, g
+    integer(i4) :: k, c
 
     do k = 1, size(ledger)
       call append_string(columns, trim(ledger(k)))
@@ -115,20 +134,12 @@ contains
     call self%energy%begin(stem//'_energy.csv', columns, start_time, errors)
     deallocate (columns)
     call append_string(columns, 'time [s]')
-    allocate (self%support(0))
-    do s = 1, deck%count('support') + deck%count('motion')
-      if (s <= deck%count('support')) then
-        call deck%get('support', s, 'group', name)
-      else
-        call deck%get('motion', s - deck%count('support'), 'group', name)
-      end if
-      g = find_group(body%mesh, name, [group_facet, group_node, group_volume])
-      if (g == 0 .or. any(self%support == g)) cycle
-      self%support = [self%support, g]
+    do k = 1, size(self%support)
+      name = trim(body%mesh%group(self%support(k))%name)
       do c = 1, 3
         call append_string(columns, name//' '//letters(c)//' [N]')
       end do
-      if (.not. any(body%dofs%phi(body%mesh%group(g)%node) > 0)) cycle
+      if (.not. any(body%dofs%phi(body%mesh%group(self%support(k))%node) > 0)) cycle
       if (body%matter%micro%active) then
         call chi_names(name, columns)
         cycle
@@ -297,6 +308,7 @@ contains
     if (size(values) > 0) call self%table%write(values, errors)
   end subroutine write_row
 
+  !> Rows of the ledger and of the reactions; where nodes are dealt out all ranks call it together.
   subroutine write_history(self, body, errors)
     class(fem_output_type), intent(inout) :: self
     type(fem_body_type), intent(in) :: body
@@ -305,8 +317,20 @@ contains
     real(wp) :: works(9)
     integer(i4), allocatable :: block(:)
     integer(i4) :: s
-    if (.not. body%whole%ranks%leads()) return
+    if (.not. (body%whole%ranks%leads() .or. body%whole%dealt)) return
     associate (e => body%accepted_energy, t => body%accepted%time)
+      row = [t]
+      do s = 1, size(self%support)
+        block = body%mesh%group(self%support(s))%node
+        row = [row, reaction_of(body, block)]
+        block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
+        if (body%matter%micro%active) then
+          if (size(block) > 0) row = [row, chi_values(body, block)]
+          cycle
+        end if
+        if (size(block) > 0) row = [row, reaction_of(body, block)]
+      end do
+      if (.not. body%whole%ranks%leads()) return
       works = [t, e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, e%damping, &
                e%numerical]
       if (body%pore%active) then
@@ -317,18 +341,6 @@ contains
       else
         call self%energy%write([works, closure(body)], errors)
       end if
-      allocate (row(1))
-      row(1) = t
-      do s = 1, size(self%support)
-        block = body%mesh%group(self%support(s))%node
-        row = [row, sum(body%accepted%reaction(:, block), 2)]
-        block = pack(body%dofs%phi(block), body%dofs%phi(block) > 0)
-        if (body%matter%micro%active) then
-          if (size(block) > 0) row = [row, chi_values(body, block)]
-          cycle
-        end if
-        if (size(block) > 0) row = [row, sum(body%accepted%reaction(:, block), 2)]
-      end do
       call self%reactions%write(row, errors)
       if (.not. allocated(body%supports%rigid)) return
       row = [t]
@@ -340,6 +352,15 @@ contains
       call self%rigid%write(row, errors)
     end associate
   end subroutine write_history
+
+  !> Sum of the reactions at some blocks, those of all ranks.
+  function reaction_of(body, block) result(force)
+    type(fem_body_type), intent(in) :: body
+    integer(i4), intent(in) :: block(:)
+    real(wp) :: force(3)
+    force = sum(body%accepted%reaction(:, pack(block, body%dofs%halo%counts(block))), 2)
+    call body%dofs%halo%total(force)
+  end function reaction_of
 
   !> Work supplied minus energy stored and dissipated [J].
   pure real(wp) function closure(body)
@@ -391,18 +412,34 @@ contains
     call nodal_stress(body%mesh, body%dofs, body%elastic, stress, nodal)
     call body%whole%collect_cells(mean)
     if (step%leads) call self%series%begin_step(body%accepted%time, step%file, step%group, errors)
-    call step%put('u', whole_motion(body, n), errors)
-    call step%put('v', shown_speed(body, n), errors)
-    call step%put('reaction', body%accepted%reaction(:, :n), errors)
+    call put_nodes(body, 'u', whole_motion(body, n), step, errors)
+    call put_nodes(body, 'v', shown_speed(body, n), step, errors)
+    call put_nodes(body, 'reaction', body%accepted%reaction(:, :n), step, errors)
     call step%put_stress('stress', mean, errors)
-    call step%put_stress('stress_nodal', nodal, errors)
+    call put_nodes(body, 'stress_nodal', nodal, step, errors)
     if (c > classical) call write_rotations(body, nodal, step, errors)
     if (self%points) call write_points(body, stress, step, errors)
     if (body%matter%active) call put_states(body, self%points, step%file, step%group, errors)
     if (body%pore%active) call put_pore(body, mean, step%file, step%group, errors)
-    if (step%leads) call self%series%end_step(int(body%mesh%nodes, i8), step%file, errors)
+    if (step%leads) call self%series%end_step(int(body%mesh%total_nodes(), i8), step%file, errors)
     if (step%leads) call self%xdmf%write(self%series, errors)
   end subroutine write_fields
+
+  !> Write values at the nodes of all ranks.
+  subroutine put_nodes(body, name, values, step, errors)
+    type(fem_body_type), intent(in) :: body
+    character(len=*), intent(in) :: name
+    real(wp), intent(in) :: values(:, :)
+    type(field_step_type), intent(inout) :: step
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: all(:, :)
+    call body%collect_blocks(values, all)
+    if (size(values, 1) > classical) then
+      call step%put_stress(name, all, errors)
+    else
+      call step%put(name, all, errors)
+    end if
+  end subroutine put_nodes
 
   !> Displacements from the mesh of the deck, also of nodes that a partner has put elsewhere.
   pure function whole_motion(body, n) result(u)

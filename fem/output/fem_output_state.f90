@@ -56,11 +56,7 @@ contains
   pure logical function in_use(body, m)
     type(fem_body_type), intent(in) :: body
     integer(i4), intent(in) :: m
-    if (allocated(body%whole%law_of)) then
-      in_use = any(body%whole%law_of == m)
-    else
-      in_use = any(body%matter%law_of == m)
-    end if
+    in_use = body%whole%uses_law(m, body%matter%law_of)
   end function in_use
 
   pure function plain(name) result(text)

@@ -27,6 +27,7 @@ contains
     integer(i4) :: k
 
     if (.not. body%whole%ranks%leads()) then
+      call give_blocks(body)
       if (body%matter%active) call give_points(body)
       return
     end if
@@ -37,16 +38,16 @@ contains
     end if
     call file%group('/state', errors)
     call file%attr_put('/state', 'kind', analysis%kind, errors)
-    call file%put('/state/u', body%accepted%u, errors)
-    call file%put('/state/v', body%accepted%v, errors)
-    call file%put('/state/a', body%accepted%a, errors)
-    call file%put('/state/external', body%accepted%external, errors)
-    call file%put('/state/reaction', body%accepted%reaction, errors)
-    call file%put('/state/tie', body%accepted%tie, errors)
-    call file%put('/state/viscous', body%accepted%viscous, errors)
+    call put_blocks(file, 'u', body, body%accepted%u, errors)
+    call put_blocks(file, 'v', body, body%accepted%v, errors)
+    call put_blocks(file, 'a', body, body%accepted%a, errors)
+    call put_blocks(file, 'external', body, body%accepted%external, errors)
+    call put_blocks(file, 'reaction', body, body%accepted%reaction, errors)
+    call put_blocks(file, 'tie', body, body%accepted%tie, errors)
+    call put_blocks(file, 'viscous', body, body%accepted%viscous, errors)
     call file%put('/state/factored_dt', body%system%factored_dt, errors)
-    call file%put('/state/port_load', body%port%port_load, errors)
-    call file%put('/state/given_u', body%port%given_u, errors)
+    call put_blocks(file, 'port_load', body, body%port%port_load, errors)
+    call put_blocks(file, 'given_u', body, body%port%given_u, errors)
     associate (e => body%accepted_energy)
       call file%put('/state/energy', &
                     [e%strain, e%kinetic, e%load, e%gravity, e%support, e%spring, &
@@ -79,7 +80,6 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(h5_file_type) :: file
     type(checkpoint_info_type) :: info
-    real(wp), allocatable :: u(:, :)
     real(wp) :: energy(11), leaps
 
     steps = 0
@@ -88,31 +88,25 @@ contains
     call checkpoint%open(path, file, info, errors)
     if (errors%any()) return
     call check_kind(path, file, analysis, errors)
-    call file%get('/state/u', u, errors)
-    if (.not. errors%any()) then
-      if (size(u, 1) /= 3 .or. size(u, 2) /= body%dofs%blocks) &
-        call errors%add('I306', 'the checkpoint has '//str(int(size(u, 2), i4))// &
-                        ' blocks of unknowns, the model '//str(body%dofs%blocks), path, &
-                        'restart with the mesh that wrote it')
-    end if
+    call read_motion(file, path, body, errors)
     if (.not. errors%any()) call analysis%get(body, file, errors)
     if (.not. errors%any()) then
-      body%state%u = u
-      call file%get_into('/state/v', body%state%v, errors)
-      call file%get_into('/state/a', body%state%a, errors)
-      call file%get_into('/state/external', body%state%external, errors)
-      call file%get_into('/state/reaction', body%state%reaction, errors)
-      call file%get_into('/state/tie', body%state%tie, errors)
-      call file%get_into('/state/viscous', body%state%viscous, errors)
+      call get_blocks(file, 'v', body, body%state%v, errors)
+      call get_blocks(file, 'a', body, body%state%a, errors)
+      call get_blocks(file, 'external', body, body%state%external, errors)
+      call get_blocks(file, 'reaction', body, body%state%reaction, errors)
+      call get_blocks(file, 'tie', body, body%state%tie, errors)
+      call get_blocks(file, 'viscous', body, body%state%viscous, errors)
       call file%get('/state/factored_dt', body%system%restored_dt, errors)
-      call file%get_into('/state/port_load', body%port%port_load, errors)
-      call file%get_into('/state/given_u', body%port%given_u, errors)
+      call get_blocks(file, 'port_load', body, body%port%port_load, errors)
+      call get_blocks(file, 'given_u', body, body%port%given_u, errors)
       call file%get_into('/state/energy', energy, errors)
       if (body%matter%active) call get_matter(file, body, leaps, errors)
       if (body%pore%active) call get_liquid(file, body, errors)
       if (allocated(body%supports%rigid)) call read_rigid(file, body, errors)
     end if
     call file%close(errors)
+    call body%whole%ranks%agree(errors)
     if (.not. errors%any()) call check_counts(path, leaps, body, errors)
     if (errors%any()) return
     body%state%time = info%time
@@ -125,6 +119,88 @@ contains
     deck_changed = info%deck_hash /= checkpoint%deck_hash
     call body%accept()
   end subroutine read_checkpoint
+
+  !> Displacements; fault I306 where those of the checkpoint are of another mesh.
+  subroutine read_motion(file, path, body, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: path
+    type(fem_body_type), intent(inout) :: body
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: u(:, :)
+    integer(i4) :: blocks
+    blocks = body%dofs%blocks
+    if (body%whole%dealt) blocks = body%mesh%total_nodes()
+    if (body%whole%ranks%leads() .or. .not. body%whole%dealt) then
+      call file%get('/state/u', u, errors)
+      if (.not. errors%any()) then
+        if (size(u, 1) /= 3 .or. size(u, 2) /= blocks) &
+          call errors%add('I306', 'the checkpoint has '//str(int(size(u, 2), i4))// &
+                          ' blocks of unknowns, the model '//str(blocks), path, &
+                          'restart with the mesh that wrote it')
+      end if
+    else
+      allocate (u(3, 0))
+    end if
+    call body%whole%ranks%agree(errors)
+    if (errors%any()) return
+    if (body%whole%dealt) then
+      call body%whole%deal_blocks(body%mesh%number, u, body%state%u)
+    else
+      body%state%u = u
+    end if
+  end subroutine read_motion
+
+  !> Values at all blocks; each rank has those of its own where they are dealt out.
+  subroutine get_blocks(file, name, body, values, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: name
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(inout), contiguous :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: all(:, :)
+    if (.not. body%whole%dealt) then
+      call file%get_into('/state/'//name, values, errors)
+      return
+    end if
+    allocate (all(size(values, 1), merge(body%mesh%total_nodes(), 0, body%whole%ranks%leads())), &
+      source=0.0_wp)
+    if (body%whole%ranks%leads()) call file%get_into('/state/'//name, all, errors)
+    call body%whole%deal_blocks(body%mesh%number, all, values)
+  end subroutine get_blocks
+
+  !> Values at the blocks of all ranks.
+  subroutine put_blocks(file, name, body, values, errors)
+    type(h5_file_type), intent(inout) :: file
+    character(len=*), intent(in) :: name
+    type(fem_body_type), intent(in) :: body
+    real(wp), intent(in) :: values(:, :)
+    type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: all(:, :)
+    if (.not. body%whole%dealt) then
+      call file%put('/state/'//name, values, errors)
+      return
+    end if
+    call body%collect_blocks(values, all)
+    call file%put('/state/'//name, all, errors)
+  end subroutine put_blocks
+
+  !> Values of the other ranks that the leader writes, in its order.
+  subroutine give_blocks(body)
+    type(fem_body_type), intent(in) :: body
+    real(wp), allocatable :: none(:, :)
+    if (.not. body%whole%dealt) return
+    associate (s => body%accepted)
+      call body%collect_blocks(s%u, none)
+      call body%collect_blocks(s%v, none)
+      call body%collect_blocks(s%a, none)
+      call body%collect_blocks(s%external, none)
+      call body%collect_blocks(s%reaction, none)
+      call body%collect_blocks(s%tie, none)
+      call body%collect_blocks(s%viscous, none)
+    end associate
+    call body%collect_blocks(body%port%port_load, none)
+    call body%collect_blocks(body%port%given_u, none)
+  end subroutine give_blocks
 
   !> Fault I311 where the checkpoint is of a kind of analysis from which this one cannot go on.
   subroutine check_kind(path, file, analysis, errors)
@@ -167,7 +243,15 @@ contains
     type(fem_body_type), intent(in) :: body
     real(wp), allocatable, intent(inout) :: values(:, :)
     type(error_list_type), intent(inout) :: errors
+    real(wp), allocatable :: all(:, :)
     integer(i4) :: rows
+    if (body%whole%dealt) then
+      allocate (all(size(values, 1), merge(body%whole%all_points, 0, body%whole%ranks%leads())), &
+        source=0.0_wp)
+      if (body%whole%ranks%leads()) call file%get_into(name, all, errors)
+      call body%whole%deal_points(all, values)
+      return
+    end if
     if (body%whole%ranks%several()) then
       rows = size(values, 1)
       deallocate (values)

@@ -27,7 +27,7 @@ contains
     real(wp) :: own
 
     own = memory_of_rank(model)/mebibyte
-    foretold%entities = model%body%mesh%nodes
+    foretold%entities = model%body%mesh%total_nodes()
     foretold%most = [own]
     foretold%text = 'memory: '//short_number(own)//' MiB at most'
     if (.not. model%ranks%several()) return

@@ -20,15 +20,18 @@ module fem_model
   use fem_body, only: fem_body_type
   use fem_consolidation, only: fast_warning, short_step_warning
   use fem_deck_keys, only: fem_deck_table
+  use fem_deal, only: deal_out, is_dealt, may_be_dealt, take_piece
   use fem_distribute, only: share_out
   use fem_geostatic, only: settle
   use fem_locking, only: locking_warning
   use fem_mm_report, only: energy_warning, flow_warning, held_warning, inertia_warning
   use fem_output, only: fem_output_type
+  use fem_pieces, only: fem_piece_type
   use fem_restart, only: write_checkpoint, read_checkpoint
   use fem_setup, only: read_body
   use fem_setup_micro, only: chi_held
   use fem_setup_solver, only: read_storage, choose_solver
+  use fem_whole, only: fem_whole_type
   implicit none
   private
   public :: fem_model_type, program_name
@@ -95,20 +98,100 @@ contains
       'the fields of this run would overwrite its mesh', 'mesh', 1, 'file', &
       'results are named as the deck: rename one of both')
     if (errors%any()) return
+    if (self%ranks%several()) then
+      call read_on_ranks(self, errors)
+    else
+      call read_whole(self, errors)
+    end if
+  end subroutine read_run
+
+  !> The whole body.
+  subroutine read_whole(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
     call read_body(self%deck, self%body, self%analysis, errors)
     if (errors%any()) return
     call element_warnings(self)
     if (self%served) call self%analysis%check_port(self%deck, errors)
     if (self%served .and. self%body%pore%active) &
       call self%body%pore%expect_partner(self%body%dofs%blocks)
+    call read_the_rest(self, errors)
+  end subroutine read_whole
+
+  subroutine read_the_rest(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
     call self%analysis%read_times(self%deck, self%served, errors)
     call read_storage(self%deck, folder_of(self%options%deck), self%served, &
                       self%body%system%solver)
-    if (.not. self%ranks%several() .or. errors%any()) return
+  end subroutine read_the_rest
+
+  !> The whole body by the leader, and a piece of it for each rank where the deck allows it; in
+  !! other decks every rank reads the whole and keeps its own elements.
+  subroutine read_on_ranks(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: dealt(1)
+    dealt = merge(1, 0, may_be_dealt(self%deck, self%served))
+    if (dealt(1) > 0) then
+      if (self%ranks%leads()) then
+        call read_whole(self, errors)
+        if (.not. errors%any()) call choose_solver(self%deck, self%body, self%analysis, &
+          self%served, self%auto_solver)
+        if (.not. errors%any()) dealt = merge(1, 0, is_dealt(self%body, self%ranks))
+      end if
+      call self%ranks%agree(errors)
+      if (errors%any()) return
+      call self%ranks%broadcast_numbers(dealt)
+      if (dealt(1) > 0) then
+        call read_piece(self, errors)
+        return
+      end if
+    end if
+    if (.not. allocated(self%analysis)) call read_whole(self, errors)
+    if (errors%any()) return
     call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
     call refuse_ranks(self, errors)
     if (.not. errors%any()) call share_out(self%body, self%ranks, errors)
-  end subroutine read_run
+  end subroutine read_on_ranks
+
+  !> The body again, from the piece of the mesh that this rank gets. Faults of the deck were found
+  !! in the whole.
+  subroutine read_piece(self, errors)
+    class(fem_model_type), intent(inout) :: self
+    type(error_list_type), intent(inout) :: errors
+    type(fem_piece_type) :: piece
+    type(fem_whole_type) :: whole
+    real(wp) :: costs(2)
+    if (self%ranks%leads()) then
+      call deal_out(self%body, self%ranks, whole, piece)
+      costs = [self%body%system%cost_quotient, &
+               merge(1.0_wp, 0.0_wp, self%body%system%multigrid_is_less)]
+    else
+      call take_piece(self%ranks, whole, piece)
+    end if
+    call self%ranks%broadcast_values(costs)
+    call begin_anew(self%body)
+    if (allocated(self%analysis)) deallocate (self%analysis)
+    self%body%whole = whole
+    self%body%mesh = piece%mesh
+    self%body%dofs%halo = piece%halo
+    self%body%system%cost_quotient = costs(1)
+    self%body%system%multigrid_is_less = costs(2) > 0.5_wp
+    call read_body(self%deck, self%body, self%analysis, errors)
+    if (errors%any()) return
+    self%body%elastic%id = piece%element
+    self%body%matter%ranks = self%ranks
+    self%body%supports%sprung_elsewhere = self%body%supports%ground%n > 0
+    call self%ranks%any_of(self%body%supports%sprung_elsewhere)
+    call read_the_rest(self, errors)
+    call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
+  end subroutine read_piece
+
+  !> Forget a body.
+  subroutine begin_anew(body)
+    type(fem_body_type), intent(out) :: body
+  end subroutine begin_anew
 
   !> Fault D338 for features of a single rank.
   subroutine refuse_ranks(self, errors)

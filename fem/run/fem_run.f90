@@ -58,11 +58,22 @@ contains
       call model%ranks%agree(errors)
       if (errors%any()) return
       call log_iterations(model)
-      if (model%log%row_due()) call log_row(model)
+      if (row_due(model)) call log_row(model)
       if (.not. model%ranks%several()) &  ! a launcher's screen is a terminal, also into a file
         call model%log%progress(t1/model%analysis%t_end, 'time '//short_number(t1)//' s')
     end do
   end subroutine run_model
+
+  !> Is a row of the log due? Where nodes are dealt out all ranks have a part in it.
+  logical function row_due(model)
+    type(fem_model_type), intent(inout) :: model
+    integer(i4) :: due(1)
+    row_due = model%log%row_due()
+    if (.not. model%body%dofs%halo%dealt) return
+    due = merge(1, 0, row_due)
+    call model%ranks%broadcast_numbers(due)
+    row_due = due(1) > 0
+  end function row_due
 
   !> Time of the next step, which is the `last` if it reaches the end.
   subroutine next_time(model, t1, last)
@@ -139,7 +150,7 @@ contains
   subroutine check_energy(body, errors)
     type(fem_body_type), intent(in) :: body
     type(error_list_type), intent(inout) :: errors
-    real(wp) :: stored
+    real(wp) :: stored, most
     integer(i4) :: node
     if (.not. body%scheme%dynamic) return
     associate (e => body%energy)
@@ -148,7 +159,9 @@ contains
       if (body%pore%unsaturated) stored = stored + e%liquid  ! suction gives what the skeleton takes
       if (stored <= runaway*(e%start + abs(e%load) + abs(e%support) + abs(e%spring)) &
           + round_off*(e%strain + e%kinetic)) return
-      node = int(maxloc(sum(body%state%v**2, 1), 1), i4)
+      node = body%mesh%number_of(int(maxloc(sum(body%state%v**2, 1), 1), i4))
+      most = maxval(sum(body%state%v**2, 1))
+      if (body%dofs%halo%dealt) call body%dofs%halo%largest(most, node)
       call errors%add('N303', 'runaway energy: '//short_number(stored)// &
         ' J are stored, '//short_number(e%start + e%load + e%support)//' J were put in; node '// &
         str(node)//' is fastest', 'time '//str(body%state%time)//' s', &

@@ -25,6 +25,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(string_type), allocatable :: lines(:)
     character(len=:), allocatable :: title
+    real(wp) :: mass
     integer(i4) :: k
 
     call model%stop%read(model%deck, model%served, errors)
@@ -38,9 +39,11 @@ contains
     call model%deck%echo(lines)
     call model%log%deck_echo(lines)
     call model%log%section('Model')
-    call model%log%item('nodes', str(model%body%mesh%nodes))
+    call model%log%item('nodes', str(model%body%mesh%total_nodes()))
     call model%log%item('elements', str(model%body%whole%elements(model%body%mesh%elements)))
-    call model%log%item('mass', str(sum(model%body%system%lumped(:model%body%mesh%nodes)))//' kg')
+    mass = model%body%dofs%halo%total_of(reshape(model%body%system%lumped(: &
+      model%body%mesh%nodes), [1_i4, model%body%mesh%nodes]))
+    call model%log%item('mass', str(mass)//' kg')
     if (model%start_time >= 0.0_wp) call model%log%item('goes on from', str(model%start_time)//' s')
     call describe_pores(model%body, model%log)
     call model%analysis%describe(model%body, model%log)
@@ -89,9 +92,11 @@ contains
 
   subroutine log_row(model)
     type(fem_model_type), intent(inout) :: model
+    real(wp) :: largest
     model%row_step = model%steps
-    call model%log%row([model%body%accepted%time, real(model%steps, wp), &
-                       sqrt(maxval(sum(model%body%accepted%u(:, :model%body%dofs%solid)**2, 1))), &
+    largest = sqrt(maxval(sum(model%body%accepted%u(:, :model%body%dofs%solid)**2, 1)))
+    call model%body%dofs%halo%highest(largest)
+    call model%log%row([model%body%accepted%time, real(model%steps, wp), largest, &
                        model%body%accepted_energy%strain, model%body%accepted_energy%kinetic, &
                        energy_error(model%body)])
   end subroutine log_row

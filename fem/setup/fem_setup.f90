@@ -7,6 +7,7 @@ module fem_setup
   use talus_curve, only: read_curves, curve_index
   use fem_analysis, only: fem_analysis_type
   use fem_dofs, only: number_fields
+  use fem_halo, only: fem_halo_type
   use fem_types, only: group_volume, group_facet, group_node
   use fem_mesh, only: read_mesh, find_group, group_hint
   use fem_mm_body, only: phi_columns
@@ -28,16 +29,19 @@ module fem_setup
 
 contains
 
-  !> All input of the body from the deck; all faults in one pass.
+  !> All input of the body from the deck; all faults in one pass. A rank that has a piece of the
+  !! mesh, with the halo in `body%dofs`, reads no file.
   subroutine read_body(deck, body, analysis, errors)
     type(deck_type), intent(in) :: deck
     type(fem_body_type), intent(inout) :: body
     class(fem_analysis_type), allocatable, intent(out) :: analysis
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: gravity(:)
+    type(fem_halo_type) :: halo
 
-    call read_mesh(deck%path('mesh', 1, 'file'), body%mesh, errors)
+    if (.not. body%mesh%is_piece()) call read_mesh(deck%path('mesh', 1, 'file'), body%mesh, errors)
     if (errors%any()) return
+    halo = body%dofs%halo
     call deck%get('run', 1, 'gravity', gravity)
     body%loads%gravity = gravity
     call read_analysis(deck, body, analysis, errors)
@@ -47,6 +51,7 @@ contains
     if (errors%any()) return
     call number_fields(body%mesh, body%elastic%rotations(), body%dofs, &
                        merge(phi_columns, 1_i4, body%matter%micro%active))
+    body%dofs%halo = halo
     call number_wet(body)
     call body%allocate_state()
     call read_curves(deck, 'D304', body%loads%curve, errors)
@@ -239,7 +244,8 @@ contains
       call blocks_for(body, g, text, component, block)
       if (component == 0) call field_fault(deck, what, s, text, errors)
       if (component == 0) cycle
-      if (size(block) > 0 .and. all(body%supports%held(component, block))) &
+      if (size(block) > 0 .and. .not. body%mesh%is_piece() .and. &
+          all(body%supports%held(component, block))) &
         call deck%fault(errors, 'D328', 'component '//text// &
           " is held or moved at all nodes of '"//name//"'", what, s, 'component', &
           'leave it out, or remove it from the &support')

@@ -58,6 +58,7 @@ contains
         name//"' is not in the mesh file", 'absorbing', s, 'group', &
         "make the mesh with `talus mesh`, which writes the dataset 'cell' of facet groups")
     end do
+    if (deck%count('absorbing') > 0) call body%damping%complete(body%dofs%halo)
   end subroutine read_absorbing
 
   !> Has an element of facet group g layers?

@@ -45,6 +45,7 @@ contains
       load%force = 0.0_wp*body%state%u
       call traction_force(body%mesh, body%mesh%group(g), value - matmul(matrix, origin), matrix, &
         load%force)
+      call body%dofs%halo%sum_up(load%force)
       call body%loads%append(load)
     end do
     do s = 1, deck%count('pressure')
@@ -62,6 +63,7 @@ contains
       end if
       load%force = 0.0_wp*body%state%u
       call pressure_force(body%mesh, body%mesh%group(g), pressure, slope, load%force)
+      call body%dofs%halo%sum_up(load%force)
       call body%loads%append(load)
     end do
   end subroutine read_tractions
@@ -129,6 +131,7 @@ contains
         end if
         load%force = 0.0_wp*body%state%u
         call body_force(body%mesh, body%dofs, body%elastic, element, force, couple, load%force)
+        call body%dofs%halo%sum_up(load%force)
       end associate
       call body%loads%append(load)
     end do
@@ -140,7 +143,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     real(wp), allocatable :: force(:), couple(:)
     type(fem_load_type) :: load
-    integer(i4) :: s, node, before
+    integer(i4) :: s, node, before, total
 
     do s = 1, deck%count('point_load')
       call deck%get('point_load', s, 'node', node)
@@ -149,12 +152,14 @@ contains
       call curve_index(deck, 'D303', body%loads%curve, 'point_load', s, load%curve, errors)
       load%force = 0.0_wp*body%state%u
       before = errors%count
-      if (node > body%mesh%nodes) then
+      total = body%mesh%total_nodes()
+      if (node > total) then
         call deck%fault(errors, 'D307', 'there is no node '//str(node)//', the mesh has '// &
-                        str(body%mesh%nodes), 'point_load', s, 'node', 'node ids count from 1')
+                        str(total), 'point_load', s, 'node', 'node ids count from 1')
       else if (node > 0) then
-        load%force(:, node) = force
-        if (any(abs(couple) > 0.0_wp)) &
+        node = body%mesh%place_of(node)  ! 0 where other ranks have it
+        if (node > 0) load%force(:, node) = force
+        if (node > 0 .and. any(abs(couple) > 0.0_wp)) &
           call couple_at_node(deck, body, s, node, couple, load%force, errors)
       else
         call at_position(deck, body, s, force, load%force, errors)

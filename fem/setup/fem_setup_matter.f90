@@ -32,7 +32,7 @@ contains
     call refuse_others(deck, body, errors)
     if (body%matter%micro%active) call read_micro_laws(deck, body, errors)
     do m = 1, size(body%matter%law)
-      if (.not. any(body%matter%law_of == m)) cycle
+      if (.not. body%whole%uses_law(m, body%matter%law_of)) cycle
       body%matter%symmetric = body%matter%symmetric .and. body%matter%law(m)%law%symmetric
       body%matter%states = max(body%matter%states, body%matter%law(m)%law%states)
       body%matter%finite = body%matter%finite .or. body%matter%law(m)%law%finite

@@ -3,11 +3,13 @@
 program test_fem_ledger
   use talus_kinds, only: wp, i4
   use talus_test, only: test_type
+  use fem_halo, only: fem_halo_type
   use fem_ledger, only: step_works, fem_works_type
   use fem_types, only: fem_state_type
   implicit none
   integer(i4), parameter :: blocks = 3000  ! some chunks
   type(test_type) :: test
+  type(fem_halo_type) :: alone
   type(fem_state_type) :: old, new
   type(fem_works_type) :: works
   real(wp), dimension(3, blocks) :: internal, initial, gravity, moved
@@ -21,7 +23,7 @@ program test_fem_ledger
   call random_number(gravity)
   moved = new%u - old%u
   limit = 1.0e-14_wp*size(moved)  ! sums in another order
-  call step_works(old, new, internal, initial, gravity, works)
+  call step_works(alone, old, new, internal, initial, gravity, works)
   call test%check_close('stored', works%strain, 0.5_wp*sum(new%u*(internal + initial)), limit)
   call test%check_close('loads', works%load, 0.5_wp*sum(moved*(old%external + new%external)), limit)
   call test%check_close('weight', works%weight, sum(moved*gravity), limit)
