@@ -1,4 +1,4 @@
-"""Figures of boundaries: loads and work of walls or surfaces, reactions of a solid, over time."""
+"""Figures of boundaries over time: loads and work of walls or surfaces, reactions of a solid."""
 
 from pathlib import Path
 
@@ -7,6 +7,7 @@ import numpy as np
 from talus import histories
 from talus.faults import FaultError
 from talus.look import COLOURS, new_figure
+from talus.motions import motions
 
 KINDS = {"_walls": "wall", "_surfaces": "surface"}  # ending of the file: column of the number
 REACTIONS = "_reactions"
@@ -56,19 +57,34 @@ def figure(path: Path) -> object:
 
 
 def reactions(path: Path) -> object:
-    """Draw the forces [N] on the supported and moved groups of a solid over time."""
+    """Draw the forces [N] on the supported and moved groups of a solid over time.
+
+    Beside it, where the deck of that name moves groups: force on the group against its way.
+    """
     rows = histories.read(path)
     names = [name for name in rows.of_unit("N") if np.any(rows[name])]
     if not path.stem.endswith(REACTIONS) or not rows["time"].size or not names:
         hint = "a file *_reactions.csv of a run of talus-fem, with supports or motions that bear"
         raise FaultError("E545", f"{path} has no reactions", hint)
-    fig, ax = new_figure()
+    stem = path.stem.removesuffix(REACTIONS)
+    ways = motions(path.with_name(f"{stem}.nml"))
+    moved = {name: ways[name] for name in names if name in ways}
+    width = 10.4 if moved else 6.4
+    fig, axes = new_figure(ncols=2 if moved else 1, squeeze=False, figsize=(width, 4.2))
     groups = list(dict.fromkeys(name.rpartition(" ")[0] for name in names))
     for name in names:
         group, _, axis = name.rpartition(" ")
         colour = COLOURS[groups.index(group) % len(COLOURS)]
-        ax.plot(rows["time"], rows[name], STYLES[axis], color=colour, lw=1.1, label=name)
-    ax.set(xlabel="time [s]", ylabel="force on the group [N]")
-    ax.legend(fontsize=7)
-    ax.set_title(f"Reactions, {path.stem.removesuffix(REACTIONS)}", fontsize=10)
+        look = {"color": colour, "ls": STYLES[axis], "lw": 1.1}
+        axes[0, 0].plot(rows["time"], rows[name], label=name, **look)
+        if name in moved:
+            way = np.interp(rows["time"], *moved[name])
+            axes[0, 1].plot(1e3 * way, rows[name], label=name, **look)
+    axes[0, 0].set(xlabel="time [s]")
+    if moved:
+        axes[0, 1].set(xlabel="displacement of the group [mm]")
+    for ax in axes[0]:
+        ax.set(ylabel="force on the group [N]")
+        ax.legend(fontsize=7)
+    fig.suptitle(f"Reactions, {stem}", fontsize=10)
     return fig

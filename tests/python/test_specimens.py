@@ -117,6 +117,14 @@ def test_reactions(tmp_path: Path) -> None:
     (axis,) = boundary_plots.reactions(path).axes
     assert [line.get_label() for line in axis.lines] == ["foot z"]
     assert axis.lines[0].get_ydata().tolist() == [0.0, 5.0]
+    (tmp_path / "solid.nml").write_text(
+        "&curve id = 'down', times = 0.0, 2.0, values = 0.0, 1.0 /\n"
+        "&motion group = 'foot', component = 'z', curve = 'down', scale = -4.0e-3 /\n"
+        "&motion group = 'head', component = 'z', curve = 'down', scale = -4.0e-3 /\n"
+    )
+    _, axis = boundary_plots.reactions(path).axes
+    (line,) = axis.lines
+    assert line.get_xdata().tolist() == [0.0, -2.0] and line.get_ydata().tolist() == [0.0, 5.0]
     path.write_text("time [s],foot x [N]\n0,0\n")
     with pytest.raises(FaultError, match="no reactions"):
         boundary_plots.reactions(path)
