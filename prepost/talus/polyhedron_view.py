@@ -33,6 +33,33 @@ def without_features(grains: Arrays) -> Arrays:
     return {name: values[keep] for name, values in grains.items()}
 
 
+def of_bodies(grains: Arrays, name: str, values: np.ndarray) -> np.ndarray:
+    """Return a field (n, ...) for the rows that are drawn.
+
+    A polyhedron has the sum of the contacts and forces of its rows, the mean of its vertices of
+    all else.
+    """
+    if "vertices" not in grains:
+        return values
+    marks, lead = grains["vertices"], np.flatnonzero(drawn(grains))
+    values = np.asarray(values, float)
+    if name in ("force", "coordination"):
+        return np.add.reduceat(values, lead, axis=0)
+    number = np.arange(len(marks)) - np.repeat(lead, np.diff(np.append(lead, len(marks))))
+    counts = np.maximum(marks[lead], 1)
+    some = number < np.repeat(counts, np.diff(np.append(lead, len(marks))))
+    starts = np.append(0, np.cumsum(counts)[:-1])
+    total = np.add.reduceat(values[some], starts, axis=0)
+    return total / counts.reshape(-1, *[1] * (values.ndim - 1))
+
+
+def ball_radii(points: np.ndarray, triangles: np.ndarray) -> np.ndarray:
+    """Radii (m) of the balls that have the volume of closed surfaces of points (m, p, 3)."""
+    a, b, c = (points[:, triangles[:, k]] for k in range(3))
+    volume = (a * np.cross(b, c)).sum(axis=(1, 2)) / 6.0
+    return np.cbrt(0.75 * volume / np.pi)
+
+
 def join_features(grains: Arrays, before: np.ndarray) -> None:
     """Keep the features of a polyhedron together where centres (n, 3) were folded into a cell."""
     if "vertices" not in grains:

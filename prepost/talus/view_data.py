@@ -18,7 +18,13 @@ from talus.fields import ALWAYS, OF_NODES, FieldFile, Snapshot
 from talus.forms import LEAST_EXPONENT, centres, net_triangles
 from talus.network import ends_of
 from talus.pictures import fold, round_above
-from talus.polyhedron_view import drawn, rounded_points, without_features
+from talus.polyhedron_view import (
+    ball_radii,
+    drawn,
+    of_bodies,
+    rounded_points,
+    without_features,
+)
 from talus.progress import watch
 
 TURN = 32767.0  # a component 1 of a quaternion
@@ -110,6 +116,8 @@ def add_grains(page: Page, path: Path, most: int) -> list[float]:
     page.facts["frames"] = [
         add_frame(page, k, now, links) for k, (now, links, _) in enumerate(shots)
     ]
+    if any(frame["bodies"] for frame in page.facts["frames"]):
+        page.put("body.t", net_triangles(BODY)[1], "u4")
     add_shapes(page, [now.grains for now, _, _ in shots])
     values = [found for _, _, found in shots]
     names = [name for name in values[-1] if all(name in found for found in values)]
@@ -128,31 +136,23 @@ def snapshot(fields: FieldFile, step: int, entry: Snapshot) -> tuple[Snapshot, d
     if now.cell is not None:
         fold(entry, now)
     g = now.grains
-    found = {"displacement": np.linalg.norm(g["x"] - entry.grains["x"], axis=1)}
     others = [name for name in g if name not in (*ALWAYS, "skew", "exponent", "vertices")]
-    found |= {name: size_of(name, g[name]) for name in others}
-    found["size"] = np.cbrt(g["axes"].prod(axis=1))
-    keep = drawn(g)
-    if not keep.all():
-        add_bodies(now)
-        now.grains = without_features(g)
-        found = {name: values[keep] for name, values in found.items()}
+    fields = {"displacement": g["x"] - entry.grains["x"]} | {name: g[name] for name in others}
+    found = {name: size_of(name, of_bodies(g, name, data)) for name, data in fields.items()}
+    found["size"] = np.cbrt(g["axes"].prod(axis=1))[drawn(g)]
+    if "vertices" in g:
+        now.grains = without_features(g) | bodies_of(g)
+        rows, points = now.grains["bodies"], now.grains["points"]
+        found["size"][rows] = ball_radii(points, net_triangles(BODY)[1])
     return now, links, found
 
 
-def add_bodies(now: Snapshot) -> None:
-    """Add polyhedra to the surfaces of a step as triangles; one of their rows stays a grain."""
-    g, s = now.grains, now.surfaces
-    normals, triangles = net_triangles(BODY)
-    bodies = np.flatnonzero(g["vertices"] > 0)
-    points = rounded_points(g, bodies, normals).reshape(-1, 3)
-    cells = (triangles[None] + (np.arange(len(bodies)) * len(normals))[:, None, None]).reshape(
-        -1, 3
-    )
-    known = s.get("x", np.zeros((0, 3)))
-    now.surfaces = {
-        "x": np.vstack([known, points]),
-        "triangles": np.vstack([s.get("triangles", np.zeros((0, 3), int)), cells + len(known)]),
+def bodies_of(g: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """Return `bodies` (m), the drawn rows that are polyhedra, and their `points` (m, p, 3) [m]."""
+    rows = np.flatnonzero(g["vertices"] > 0)
+    return {
+        "bodies": np.flatnonzero(g["vertices"][drawn(g)] > 0),
+        "points": rounded_points(g, rows, net_triangles(BODY)[0]),
     }
 
 
@@ -180,8 +180,16 @@ def add_frame(page: Page, k: int, now: Snapshot, links: dict[str, np.ndarray]) -
         page.put(f"links{k}", np.column_stack([links["start"], links["end"]]), "f4")
     if len(s.get("triangles", ())):
         page.put(f"surface{k}", s["x"][s["triangles"]], "f4")
-    frame = {"time": now.time, "count": len(g["x"]), "links": len(links.get("force", ())),
-             "triangles": len(s.get("triangles", ()))}  # fmt: skip
+    if len(g.get("bodies", ())):
+        page.put(f"bodies{k}", g["bodies"], "u4")
+        page.put(f"points{k}", g["points"], "f4")
+    frame = {
+        "time": now.time,
+        "count": len(g["x"]),
+        "bodies": len(g.get("bodies", ())),
+        "links": len(links.get("force", ())),
+        "triangles": len(s.get("triangles", ())),
+    }
     if now.cell is not None:
         frame["cell"] = [now.cell.origin.tolist(), now.cell.vectors.tolist()]
     return frame
@@ -278,6 +286,6 @@ def add_solid(page: Page, path: Path, times: list[float], most: int) -> None:
     facts = {"nodes": len(used), "fields": add_colours(page, "s", names, found)}
     page.facts["solid"] = facts | {"step": [order.index(step) for step in steps]}
     if not times:
-        page.facts["frames"] = [{"time": own[s], "count": 0, "links": 0, "triangles": 0}
-                                for s in steps]  # fmt: skip
+        nothing = {"count": 0, "bodies": 0, "links": 0, "triangles": 0}
+        page.facts["frames"] = [{"time": own[s]} | nothing for s in steps]
         page.facts["fields"] = []

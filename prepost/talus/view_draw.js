@@ -6,6 +6,7 @@ const SMOOTH = 2; // pixels of the full picture for one of the page, each way
 const SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES)); // of its edges
 const FINE = 2; // pixels of the full picture in a cell of the search for hidden grains
 const COARSE = 2.5; // such cells in the mean semi-axis, for quick pictures
+const LONGEST_SIDE = 2000; // cells of a side there, at most
 const CORNERS = [0, 1, 2, 0, 2, 5]; // of the six of two triangles, without those that agree
 const LARGEST = Math.min(64, gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE)[1]); // pixels of a point
 
@@ -81,7 +82,8 @@ function quickGrains(cut, share) {
 }
 
 function seenFrom(place, cut) {
-  const pixel = COARSE / facts.size, side = 2 * bounds.radius * pixel;
+  const side = Math.min(2 * bounds.radius * COARSE / facts.size, LONGEST_SIDE);
+  const pixel = side / (2 * bounds.radius);
   const scene = { ...sceneOf({ ...axes(place), width: side, height: side, pixel }, cut, 1) };
   return seenGrains(shown.grains, shown.kind, { ...scene, target: bounds.middle });
 }
@@ -110,11 +112,32 @@ function drawMesh(made, count, kind, view, cut, look) {
   use(meshProgram, view, cut, look);
   gl.bindVertexArray(made);
   gl.depthMask(!(look.opaque < 1)); // what is seen through hides nothing that is drawn later
-  gl.drawElements(kind, count, gl.UNSIGNED_INT, 0);
+  gl.drawElements(kind, count, gl.UNSIGNED_INT, 4 * (look.from || 0));
   gl.depthMask(true);
 }
 
-function drawOthers(f, view, cut, step) {
+// The polyhedra of the roles that are shown; those that a cut hides as a whole are left out.
+function drawBodies(view, cut, share) {
+  const n = shown.bodyCells, whole = leavesWhole(cut), [a, b, c, w] = cut.value;
+  const mapped = shown.value !== null, cuts = cut.cuts && !whole;
+  for (const [role, name, paint] of facts.roles) {
+    const first = shown.bodies.findIndex((body) => body.role === role);
+    const all = shown.bodies.filter((body) => body.role === role);
+    if (!on(name) || !all.length) continue;
+    const look = { mapped, colour: rgb(paint), opaque: 1, cuts };
+    const count = Math.ceil(share * all.length);
+    const draw = (from, some) => drawMesh(shown.bodyMesh, n * some, gl.TRIANGLES, view, cut,
+      { ...look, from: n * (first + from) });
+    if (!whole) draw(0, count);
+    else all.slice(0, count).forEach(({ middle: [x, y, z] }, k) => {
+      if (a * x + b * y + c * z <= w) draw(k, 1);
+    });
+  }
+}
+
+function drawOthers(f, view, cut, share) {
+  const step = linkStep(share);
+  if (f.bodies) drawBodies(view, cut, share);
   if (f.links && on("contacts")) {
     use(linkProgram, view, cut, { mapped: true });
     gl.uniform1f(linkProgram.at("thick"), 0.4 * facts.size);
@@ -299,5 +322,5 @@ function drawQuick({ resolution, share, exact }) {
     setIndices(indices.quick, cornersOf(list));
     drawGrains(indices.quick, 0, list.length, view, cut);
   } else if (list.length) drawPoints(list, view, cut);
-  drawOthers(f, view, cut, linkStep(share));
+  drawOthers(f, view, cut, share);
 }

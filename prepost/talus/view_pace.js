@@ -47,7 +47,8 @@ function atFloor(pace) { return pace.level === LEVELS.length - 1; }
 
 // Whether a grain belongs to the share that is drawn: multiples of the golden section spread
 // evenly, each share contains the smaller ones, and a grain stays where the share stays.
-function isDrawn(grain, share) { return Math.imul(grain, 2654435769) >>> 0 < share * 4294967296; }
+function isDrawn(grain, share) { return rankOf(grain) < share * 4294967296; }
+function rankOf(grain) { return Math.imul(grain, 2654435769) >>> 0; }
 
 // every how many contacts are drawn for a share of the grains
 function linkStep(share) { return Math.min(10, Math.max(1, Math.round(1 / share))); }

@@ -140,6 +140,7 @@ function load(frame, colour) {
       attribute(3, pull, 1, gl.UNSIGNED_BYTE, { each: 1, norm: true, stride: step });
     });
   }
+  if (f.bodies) loadBodies(frame);
   if (f.triangles) {
     const x = blob("surface" + frame, "f4");
     shown.surface = mesh(x, Uint32Array.from({ length: x.length / 3 }, (_, k) => k), null);
@@ -162,6 +163,27 @@ function loadGrains(frame, count, colour) {
     rowsTexture(4, ROW, gl.R32UI, gl.RED_INTEGER, gl.UNSIGNED_INT, number, 1),
     rowsTexture(5, ROW, gl.R8, gl.RED, gl.UNSIGNED_BYTE, value, 1),
   ];
+}
+
+// Polyhedra as triangles: by role, and within a role by what `isDrawn` compares, so that the first
+// ones of each are the share that a quick picture shows.
+function loadBodies(frame) {
+  const rows = blob("bodies" + frame, "u4"), points = blob("points" + frame, "f4");
+  const cells = blob("body.t", "u4"), size = points.length / rows.length;
+  const role = (body) => Math.min(shown.kind[rows[body]], 3);
+  const order = [...rows.keys()].sort((a, b) => role(a) - role(b) || rankOf(a) - rankOf(b));
+  const x = new Float32Array(3 * cells.length * rows.length), n = cells.length;
+  const value = shown.value ? new Uint8Array(n * rows.length) : null;
+  shown.bodies = order.map((body, k) => {
+    for (let c = 0; c < n; c++)
+      for (let i = 0; i < 3; i++) x[3 * (n * k + c) + i] = points[size * body + 3 * cells[c] + i];
+    value?.fill(shown.value[rows[body]], n * k, n * (k + 1));
+    const own = points.subarray(size * body, size * (body + 1)), middle = [0, 0, 0];
+    own.forEach((v, i) => { middle[i % 3] += 3 * v / size; });
+    return { role: role(body), middle };
+  });
+  shown.bodyCells = n;
+  shown.bodyMesh = mesh(x, Uint32Array.from({ length: x.length / 3 }, (_, k) => k), value);
 }
 
 function mesh(x, triangles, values) {
@@ -204,6 +226,7 @@ function findBounds() {
   const margin = facts.size || 0;
   for (const frame of [0, facts.frames.length - 1]) {
     const places = facts.frames[frame].count ? [blob("x" + frame, "f4")] : [];
+    if (facts.frames[frame].bodies) places.push(blob("points" + frame, "f4"));
     if (facts.solid) places.push(blob("solid.x" + facts.solid.step[frame], "f4"));
     for (const x of places) for (let k = 0; k < x.length; k++) {
       low[k % 3] = Math.min(low[k % 3], x[k] - margin);
