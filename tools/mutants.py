@@ -22,7 +22,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
 LIST = "tools/mutants.toml"
-PARTS = ("common", "dem", "fem", "couple")
+PARTS = ("common", "dem", "fem", "couple", "prepost")
 SECONDS = 900  # a slower test has noticed: the fault makes it hang
 
 
