@@ -19,8 +19,8 @@ module dem_pore_mixing
 
 contains
 
-  !> Mixing of the exchange under way. eq. D.81 Beside a partner there is none: columns of grains
-  !! were found to sway there.
+  !> Mixing of the exchange under way. eq. D.81 Beside a partner there is none: what
+  !! alternates would go over the side, and columns of grains sway (theory-dem).
   pure subroutine begin_mixing(pore)
     type(dem_pore_type), intent(inout) :: pore
     real(wp) :: volume, diameter
