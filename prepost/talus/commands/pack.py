@@ -8,7 +8,7 @@ import numpy as np
 from talus import generate, measure
 from talus.arguments import counting, natural, number, positive
 from talus.column_stamp import is_column
-from talus.commands import pack_clump, pack_column, pack_tile
+from talus.commands import pack_clump, pack_column, pack_join, pack_tile
 from talus.commands.pack_cloud import (
     axes_option,
     cloud_of,
@@ -68,6 +68,9 @@ def register(commands: argparse._SubParsersAction) -> None:
     )
     pack_column.register_column(
         sub_command(pack, "column", pack_column.column, "bed of a tile at rest under gravity")
+    )
+    pack_join.register(
+        sub_command(pack, "join", pack_join.join, "two tiles of one making in one periodic cell")
     )
     check = pack.add_parser("check-tile", help="what a tile or column is, and whether it holds")
     pack_column.register_check(check)

@@ -66,7 +66,7 @@ def cloud_options(new: argparse.ArgumentParser) -> None:
     sizes.add_argument(
         "--distribution", nargs=5, metavar=("LAW", "FIRST", "SECOND", "LEAST", "LARGEST"),
         help="sizes of the middle axes by a law of the mass between two limits [m]; "
-        + "; ".join(f"{law}: {text}" for law, text in LAWS.items()),
+        + "; ".join(f"{law}: {text}" for law, text in LAWS.items()).replace("%", "%%"),
     )  # fmt: skip
     new.add_argument("--seed", type=natural, default=1)
 
