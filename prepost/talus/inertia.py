@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from talus import histories, lights
+from talus import histories
 from talus.faults import FaultError
 from talus.lights import AMBER, GREEN, Light
 from talus.specimens import CELL_ENDING, ENDING, SHORT, Specimen, angles, read_test
@@ -73,5 +73,5 @@ def judged(light: Light, test: tuple[Path, Specimen] | None) -> Light:
     why = (f"The inertial number is {number:.1e} (limit {FAST:g}; a test is quasi-static below "
            f"about {QUASI_STATIC:g}): its strength depends on the rate.")  # fmt: skip
     if light.colour == GREEN:
-        return Light(AMBER, [lights.WELL, why], [CURE])
+        return Light(AMBER, ["It finished, but its test was too fast.", why], [CURE])
     return Light(light.colour, [*light.why, why], [*light.cure, CURE])

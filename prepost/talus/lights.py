@@ -31,7 +31,6 @@ PARTNER = (
     "First take a shorter &clock exchange, or scheme = 'iterated': in a coupled run the energy of "
     "a partner goes wrong mostly at the interface; then a smaller dt."
 )
-WELL = "It finished, and every figure of its health is within its limits."
 TRUST = "N001"  # a figure is red, all results are written
 OVERLAP = "largest overlap"
 APART = (
@@ -84,7 +83,7 @@ def light_of(facts: dict, partner: bool = False, deep: tuple[str, str] | None = 
         cure.append(f"talus explain {fault.get('code')}")
     code = facts.get("exit_code")
     if code == 0 and not why:
-        why = [WELL]
+        why = ["It finished, and every figure of its health is within its limits."]
         why = why if verdict == GREEN else ["It finished; it judges no figures of health."]
     if code != 0:
         end = ENDS.get(code, "unknown end") if isinstance(code, int) else "unknown end"

@@ -3,7 +3,7 @@
 import html
 from pathlib import Path
 
-from talus import histories, lights, plots, specimens
+from talus import histories, inertia, lights, plots, specimens
 from talus.faults import FaultError
 from talus.look import COLOURS, figure_bytes, new_figure
 from talus.reports import Run, page_of, picture, runs_of, shown
@@ -27,7 +27,10 @@ def build(folders: list[Path], title: str) -> str:
     empty = [str(f) for f, found in zip(folders, runs.values(), strict=True) if not found]
     if empty:
         raise FaultError("E553", f"{empty[0]} holds no *_summary.json", "a run that ended has one")
-    parts = ["<h2>Curves</h2>", *curves(dict(zip(labels, folders, strict=True)))]
+    said = [f"<p>{html.escape(f'{label}: {line}')}</p>"
+            for label, folder in zip(labels, folders, strict=True)
+            for line in inertia.lines(inertia.tests_of(folder))]  # fmt: skip
+    parts = [*said, "<h2>Curves</h2>", *curves(dict(zip(labels, folders, strict=True)))]
     parts.append("<h2>Health</h2>")
     for label, found in runs.items():
         parts += [lights.panel(f"{label}: {run.name}", run.program, run.light) for run in found]
@@ -119,8 +122,8 @@ def numbers(runs: dict[str, list[Run]]) -> list[str]:
     """Return a folded table a program: values of the runs, and their ratio to the first."""
     parts = []
     for program in dict.fromkeys(run.program for found in runs.values() for run in found):
-        columns = [(label, flat(run.facts)) for label, found in runs.items() for run in found
-                   if run.program == program]  # fmt: skip
+        columns = [(named(label, run, found), flat(run.facts)) for label, found in runs.items()
+                   for run in found if run.program == program]  # fmt: skip
         names = dict.fromkeys(name for _, facts in columns for name in facts)
         rows = "".join(row(name, [facts.get(name) for _, facts in columns]) for name in names)
         head = "".join(f"<th>{html.escape(label)}</th>" for label, _ in columns)
@@ -129,6 +132,12 @@ def numbers(runs: dict[str, list[Run]]) -> list[str]:
             f"{rows}</table></details>"
         )
     return parts
+
+
+def named(label: str, run: Run, found: list[Run]) -> str:
+    """Return the label of a folder, with the run's name where it has several of the program."""
+    several = sum(other.program == run.program for other in found) > 1
+    return f"{label}: {run.name}" if several else label
 
 
 def row(name: str, values: list[object]) -> str:

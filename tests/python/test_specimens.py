@@ -108,6 +108,7 @@ def test_fast(speed: float, colour: str, tmp_path: Path, capsys: pytest.CaptureF
     assert light.colour == colour and ("Shear more slowly" in " ".join(light.cure)) == (
         colour == "amber"
     )
+    assert inertia.lines({"run": (path, test)})[0].startswith("run: friction angle 30.0 deg")
 
 
 def test_reactions(tmp_path: Path) -> None:
