@@ -137,7 +137,7 @@ def picture(data: bytes, caption: str) -> str:
 def image_of(folder: Path) -> list[str]:
     """Return an image of grains and solid at the last step as HTML, if it can be drawn."""
     try:
-        grains, solid = view.files_of(folder, None)
+        grains, solid = view.files_of(folder, None, latest=True)
         if grains is None:
             return []
         with tempfile.TemporaryDirectory() as place:
@@ -170,7 +170,7 @@ def figures(folder: Path) -> list[str]:
 def view_of(folder: Path) -> list[str]:
     """Return the view of a run in three dimensions as HTML, if it is small."""
     try:
-        grains, solid = view.files_of(folder, None)
+        grains, solid = view.files_of(folder, None, latest=True)
         page = view.html_of(view_data.build(grains, solid, VIEW_FRAMES), folder.resolve().name)
     except FaultError:
         return []

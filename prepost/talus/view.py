@@ -19,8 +19,13 @@ HERE = Path(__file__).parent
 CODE = ("view_pace", "view_cull", "view_quick", "view_shaders", "view_scene", "view_draw", "view")
 
 
-def files_of(run: Path, solid: Path | None) -> tuple[Path | None, Path | None]:
-    """Return the field files of grains and of the solid of a run: a folder, or one of the files."""
+def files_of(
+    run: Path, solid: Path | None, latest: bool = False
+) -> tuple[Path | None, Path | None]:
+    """Return the field files of grains and of the solid of a run: a folder, or one of the files.
+
+    `latest`: of several in a folder the one written last, as a page about the folder shows it.
+    """
     if not run.is_dir():
         grains = holds(run)
         if not grains and solid:
@@ -30,11 +35,15 @@ def files_of(run: Path, solid: Path | None) -> tuple[Path | None, Path | None]:
     both = []
     for kind, given in ((True, None), (False, solid)):
         some = [given] if given else [path for path in found if holds(path) == kind]
+        if len(some) > 1 and latest:
+            some = [max(some, key=lambda path: path.stat().st_mtime)]
         if len(some) > 1:
             names = ", ".join(path.name for path in some)
             what = "grains" if kind else "a solid"
             raise FaultError(
-                "E602", f"several files of {run} hold {what}: {names}", "name the file"
+                "E602",
+                f"several files of {run} hold {what}: {names}",
+                f"name one: talus view {some[0]}",
             )
         both.append(some[0] if some else None)
     if not any(both):

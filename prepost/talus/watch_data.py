@@ -11,6 +11,7 @@ from talus.faults import FaultError
 from talus.fields import FieldFile, has_steps
 
 MOST_POINTS, MOST_GRAINS = 400, 20000
+TOGETHER = 30.0  # s between writings of the partners of a coupled run
 HEAD_BYTES = 65536  # of a log: it has the deck as understood
 T_END = re.compile(r"^\s+t_end\s+= *([-+.\deE]+)", flags=re.M)
 DATE = re.compile(r"^\s+date\s+(\d{4}-\d\d-\d\d \d\d:\d\d:\d\d)", flags=re.M)
@@ -89,14 +90,25 @@ def curve(folder: Path, name: str) -> dict:
 
 
 def frame(folder: Path) -> dict | None:
-    """Return the last step: of grains centres, sizes and speeds, of a solid its nodes, moved."""
+    """Return the last step: of grains centres, sizes and speeds, of a solid its nodes, moved.
+
+    Of a coupled run the grains, which write at the same times as the solid.
+    """
+    first: dict | None = None
+    newest = 0.0
     for path in sorted(folder.glob("*.h5"), key=lambda p: -p.stat().st_mtime):
+        written = path.stat().st_mtime
+        if first and written < newest - TOGETHER:
+            break
         try:
-            if has_steps(path) and (found := frame_of(path)):
-                return found
+            found = frame_of(path) if has_steps(path) else None
         except (FaultError, OSError):  # it is being written
             continue
-    return None
+        if found and found["what"].startswith("speed"):
+            return found
+        if found and first is None:
+            first, newest = found, written
+    return first
 
 
 def frame_of(path: Path) -> dict | None:

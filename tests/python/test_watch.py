@@ -132,3 +132,17 @@ def test_damaged_frame(run: Path) -> None:
     """A field file that is being written is passed over, not a fault."""
     (run / "bed.h5").write_bytes((run / "bed.h5").read_bytes()[:700])
     assert watch_data.frame(run) is None
+
+
+def test_grains_of_a_coupled_run(run: Path) -> None:
+    """Grains are shown beside a solid of the same moment, the solid where they are an old run's."""
+    with h5py.File(run / "solid.h5", "w") as file:
+        file["mesh/x"] = np.eye(3)
+        group = file.create_group("steps/000000")
+        group.attrs["time"] = 0.5
+        group["solid/u"] = np.zeros((3, 3))
+    now = time.time()
+    os.utime(run / "solid.h5", (now, now))
+    for age, name in ((5.0, "bed.h5"), (500.0, "solid.h5")):
+        os.utime(run / "bed.h5", (now - age, now - age))
+        assert watch_data.frame(run)["file"] == name
