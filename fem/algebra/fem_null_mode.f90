@@ -20,7 +20,8 @@ module fem_null_mode
 
 contains
 
-  !> Fault N301 with the nodes of the null mode, instead of the factorisation's fault of pivots.
+  !> Fault N301 with the nodes of the null mode, instead of the factorisation's fault of pivots. Not
+  !! where nodes are dealt out: factors are made there only after iterations have failed.
   subroutine explain_singular(solver, pattern, dofs, k, errors)
     type(fem_solver_type), intent(inout) :: solver
     type(fem_pattern_type), intent(in) :: pattern
@@ -31,7 +32,7 @@ contains
     type(error_list_type) :: late
     integer(i4) :: i, c
 
-    if (solver%iterative .or. solver%free == 0) return
+    if (solver%iterative .or. solver%free == 0 .or. pattern%halo%dealt) return
     if (errors%any()) then
       if (errors%item(errors%count)%code(1:1) /= 'N') return
     end if

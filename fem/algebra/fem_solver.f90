@@ -6,6 +6,7 @@ module fem_solver
   use talus_text, only: str
   use fem_cg, only: cg_type
   use fem_dofs, only: fem_dofs_type
+  use fem_halo, only: fem_halo_type
   use fem_sparse, only: fem_pattern_type, make_pattern
   use fem_metis, only: dissect
   use fem_multigrid, only: multigrid_type
@@ -20,6 +21,7 @@ module fem_solver
     integer(i4), allocatable :: equation(:, :)   !! (3, blocks) row, 0 = prescribed
     integer(i4), allocatable :: position(:)      !! (nodes) in the elimination order, the leader's
     type(fem_dofs_type), allocatable :: whole    !! of all ranks' elements, for the order
+    integer(i4), allocatable :: block_of(:)      !! all blocks by their owners, if they are dealt
     type(mumps_type) :: mumps
     integer(i4) :: factorisations = 0
     logical :: iterative = .false.               !! no factors
@@ -67,27 +69,45 @@ contains
         self%equation(c, i) = self%free
       end do
     end do
-    if (pattern%halo%dealt) call count_over_ranks(self, pattern)
+    if (pattern%halo%dealt) call number_over_ranks(self, pattern%halo)
     if (self%free == 0) return
     if (self%by_multigrid) call self%multigrid%number(dofs, pattern, self%equation > 0)
     if (self%iterative) return
     call entries_of(self, pattern, irn, jcn)
-    call elimination(self, dofs, order)
+    if (pattern%halo%dealt) then
+      call elimination_of_dealt(self, pattern%halo, order)
+    else
+      call elimination(self, dofs, order)
+    end if
     self%mumps%ranks = pattern%halo%ranks_type
     call self%mumps%analyse(self%free, irn, jcn, order, errors)
     if (allocated(self%value)) deallocate (self%value, self%right)
     allocate (self%value(size(irn)), self%right(self%free))
   end subroutine number
 
-  !> What is free on all ranks together, each block at its owner.
-  subroutine count_over_ranks(self, pattern)
+  !> Rows of what is free on all ranks together, those of each rank's own blocks one after the
+  !! other, where blocks are dealt out.
+  subroutine number_over_ranks(self, halo)
     class(fem_solver_type), intent(inout) :: self
-    type(fem_pattern_type), intent(in) :: pattern
-    real(wp) :: free(1)
-    free = real(count(self%equation(:, pattern%halo%own) > 0), wp)
-    call pattern%halo%total(free)
-    self%free = nint(free(1), i4)
-  end subroutine count_over_ranks
+    type(fem_halo_type), intent(in) :: halo
+    real(wp) :: rows(3, size(halo%mine)), counts(0:halo%ranks - 1)
+    integer(i4) :: i, c, n
+    counts = 0.0_wp
+    counts(halo%rank) = real(count(self%equation(:, halo%own) > 0), wp)
+    call halo%add_up(counts)
+    n = nint(sum(counts(:halo%rank - 1)), i4)
+    rows = 0.0_wp
+    do i = 1, size(halo%own)
+      do c = 1, 3
+        if (self%equation(c, halo%own(i)) == 0) cycle
+        n = n + 1
+        rows(c, halo%own(i)) = real(n, wp)
+      end do
+    end do
+    call halo%spread_out(rows)
+    self%equation = nint(rows, i4)
+    self%free = nint(sum(counts), i4)
+  end subroutine number_over_ranks
 
   !> Positions of the nodes; the leader alone finds the order, others have none.
   subroutine order_nodes(self, dofs, pattern, errors)
@@ -202,6 +222,35 @@ contains
     end subroutine take_pressure
   end subroutine elimination
 
+  !> The same where nodes are dealt out and blocks are nodes: the leader has the positions, and the
+  !! rows of each owner after those of the one before.
+  subroutine elimination_of_dealt(self, halo, order)
+    class(fem_solver_type), intent(in) :: self
+    type(fem_halo_type), intent(in) :: halo
+    integer(i4), allocatable, intent(out) :: order(:)
+    real(wp), allocatable :: rows(:, :)
+    integer(i4), allocatable :: at(:)
+    integer(i4) :: i, k, c, n
+    call halo%collect_columns(real(self%equation(:, halo%own), wp), rows)
+    if (.not. halo%leads()) then
+      allocate (order(0))
+      return
+    end if
+    allocate (order(self%free), at(size(self%position)))
+    do k = 1, size(self%block_of)
+      at(self%position(self%block_of(k))) = k
+    end do
+    n = 0
+    do i = 1, size(at)
+      do c = 1, 3
+        k = nint(rows(c, at(i)), i4)
+        if (k == 0) cycle
+        n = n + 1
+        order(k) = n
+      end do
+    end do
+  end subroutine elimination_of_dealt
+
   !> Factor K + mass_factor M (blocks of the pattern); of general matrices `lower` has the blocks
   !! below the diagonal, block j, i in the place of i, j.
   subroutine factor(self, pattern, k, mass, mass_factor, errors, lower)
@@ -294,11 +343,14 @@ contains
       call iterate(self, pattern, residual, du, errors)
       return
     end if
+    if (pattern%halo%dealt) self%right = 0.0_wp
     do i = 1, size(self%equation, 2)
+      if (.not. pattern%halo%counts(i)) cycle
       do c = 1, 3
         if (self%equation(c, i) > 0) self%right(self%equation(c, i)) = residual(c, i)
       end do
     end do
+    if (pattern%halo%dealt) call pattern%halo%add_up(self%right)
     call self%mumps%solve(self%right, errors)
     if (errors%any()) return
     do i = 1, size(self%equation, 2)

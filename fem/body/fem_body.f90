@@ -5,6 +5,7 @@ module fem_body
   use talus_errors, only: error_list_type
   use fem_assembly, only: assemble_stiffness, assemble_mass
   use fem_body_forces, only: fem_body_forces_type
+  use fem_dofs, only: number_fields
   use fem_critical, only: largest_frequency, spring_rate, stable_step, newmark_step
   use fem_matter_step, only: tangent_frequency
   use fem_null_mode, only: explain_singular
@@ -212,12 +213,25 @@ contains
     type(error_list_type), intent(inout) :: errors
     logical :: fixed(3, self%dofs%blocks)
     fixed = self%supports%held .or. self%port%prescribed
+    if (self%whole%dealt .and. .not. self%system%solver%iterative) call give_order(self)
     self%system%solver%mumps%general = self%matter%active .and. .not. self%matter%symmetric
     self%system%solver%mumps%indefinite = self%matter%active
     self%system%solver%mumps%pivoting = self%pore%active
     call self%system%solver%number(self%dofs, self%system%pattern, fixed, errors)
     if (.not. errors%any()) self%system%fresh_numbering = .true.
   end subroutine number_free
+
+  !> What the leader orders the nodes of all ranks by, for factors, where nodes are dealt out.
+  subroutine give_order(self)
+    class(fem_body_type), intent(inout) :: self
+    integer(i4) :: e
+    associate (solver => self%system%solver, mesh => self%whole%mesh)
+      if (.not. self%whole%ranks%leads() .or. allocated(solver%position)) return
+      allocate (solver%whole)
+      call number_fields(mesh, [(0_i4, e=1, mesh%elements)], solver%whole)
+      solver%block_of = self%whole%block_of
+    end associate
+  end subroutine give_order
 
   !> Largest explicit steps in use: those of laws with a state have a margin for stiffening
   !! until the next update of the largest stable one [s].

@@ -50,8 +50,8 @@ contains
     type(fem_body_type), intent(in) :: body
     type(ranks_type), intent(in) :: ranks
     is_dealt = body%elastic%components == classical .and. body%dofs%blocks == body%mesh%nodes &
-      .and. (body%scheme%explicit .or. (body%system%solver%iterative .and. &
-      .not. body%system%solver%by_choice)) .and. .not. allocated(body%loads%follower) &
+      .and. (body%scheme%explicit .or. body%system%solver%iterative) &
+      .and. .not. allocated(body%loads%follower) &
       .and. body%mesh%elements >= ranks%ranks
   end function is_dealt
 
