@@ -1,7 +1,6 @@
 "use strict";
 // The page of a view: its panel, the hand that moves the camera, and when which picture is drawn.
 
-const REST = 200; // milliseconds after the last movement until the full picture is begun
 const TOLD = 250; // between two figures in the corner
 const KEPT = 500; // times of pictures that are remembered
 const PART = 40; // milliseconds that a part of it takes: in between the page listens
@@ -36,7 +35,7 @@ function move() {
   if (el("always").checked) { redraw(); return; }
   now.moving = true;
   clearTimeout(now.rest);
-  now.rest = setTimeout(() => { now.moving = false; now.last = 0; redraw(); }, REST);
+  now.rest = setTimeout(() => { now.moving = false; now.last = 0; redraw(); }, restAfter(now.spent));
   redraw();
 }
 

@@ -6,6 +6,7 @@ const SMOOTH = 2; // pixels of the full picture for one of the page, each way
 const SAMPLES = Math.min(4, gl.getParameter(gl.MAX_SAMPLES)); // of its edges
 const FINE = 2; // pixels of the full picture in a cell of the search for hidden grains
 const COARSE = 2.5; // such cells in the mean semi-axis, for quick pictures
+const MOST_SETS = 100; // of grains that are kept
 const LONGEST_SIDE = 2000; // cells of a side there, at most
 const CORNERS = [0, 1, 2, 0, 2, 5]; // of the six of two triangles, without those that agree
 const LARGEST = Math.min(64, gl.getParameter(gl.ALIASED_POINT_SIZE_RANGE)[1]); // pixels of a point
@@ -73,7 +74,8 @@ let quick = {};
 function quickGrains(cut, share) {
   const { yaw, pitch } = nearestWay(camera), roles = shownRoles();
   const name = [shown.frame, roles, leavesWhole(cut), ...cut.value].join();
-  if (quick.name !== name) quick = { name, seen: {}, some: {} };
+  if (quick.name !== name || Object.keys(quick.some).length > MOST_SETS)
+    quick = { name, seen: {}, some: {} };
   const way = `${yaw} ${pitch}`, part = `${way} ${share}`;
   quick.seen[way] ??= seenFrom({ ...camera, yaw, pitch }, cut);
   quick.some[part] ??= share < 1 ? quick.seen[way].filter((grain) => isDrawn(grain, share))

@@ -9,6 +9,7 @@ const LEVELS = [ // share of the resolution of the screen each way, share of the
 ].map(([resolution, share], k) => ({ resolution, share, exact: k === 0 }));
 const SAMPLE = 8; // pictures measured before a decision
 const SLOW = 1.15, FAST = 0.75; // of the target: nothing changes between them
+const REST = 200; // milliseconds after the last movement until the full picture is begun, at least
 const LONGEST = 1000; // a longer wait was no picture: the page was out of sight
 const PATIENCE = [12, 192]; // least and most pictures before a better level is tried again
 
@@ -41,7 +42,11 @@ function nextPace(pace, ms) {
   return { ...pace, times: times.slice(1), held, climbed };
 }
 
-function mean(times) { return times.reduce((sum, ms) => sum + ms, 0) / times.length; }
+function mean(times) { return times.reduce((sum, ms) => sum + ms, 0) / (times.length || 1); }
+
+// Milliseconds without movement until the full picture is begun: of a machine so slow that its
+// pictures are as far apart, the hand is not taken to rest between two of them.
+function restAfter(times) { return Math.min(LONGEST, Math.max(REST, 3 * mean(times.slice(-5)))); }
 
 function atFloor(pace) { return pace.level === LEVELS.length - 1; }
 

@@ -136,6 +136,55 @@ def test_nothing_seen_is_left_out(
     assert len(drawn) < 2.5 * len(seen) < count, (len(drawn), len(seen))
 
 
+@pytest.mark.parametrize("cell", [1, 2, 3])
+def test_cells_that_a_grain_hides(cell: int) -> None:
+    """All of a cell lies in the outline of the grain that hides it, and its depth behind the grain.
+
+    Looked at in the corners of the cells, where an outline, which is convex, is left first.
+    """
+    grains = packing(120, "ellipsoids")
+    scene = scene_of(grains, cell, None)
+    words = """g.x.map((_, k) => {
+      const grid = depthGrid(scene), s = {}, row = project(grains, g.kind, scene);
+      const at = row.chosen.indexOf(k);
+      if (at < 0) return [];
+      shadow(grains.outer, 9 * k, scene, s);
+      const [x, y, , , near] = row.rows.subarray(5 * at, 5 * at + 5);
+      hide(grid, x, y, near - Math.sqrt(s.zz), s);
+      return [...grid.depth].flatMap((v, i) =>
+        v > -1e30 ? [[i % grid.wide, Math.floor(i / grid.wide), v]] : []);
+    })"""
+    area = least = 0.0
+    for k, cells in enumerate(ask(words, grains, scene)):
+        if not cells:
+            continue
+        q, shape = np.array(grains["quat"][k]), np.array(grains["shapes"][k])
+        turn = rotation(q / np.linalg.norm(q))
+        x, y, depth = np.array(cells).T
+        for dx, dy in ((0, 0), (1, 0), (0, 1), (1, 1)):
+            across = (cell * (x + dx) - SIZE[0] / 2) / scene["pixel"]
+            upward = (cell * (y + dy) - SIZE[1] / 2) / scene["pixel"]
+            start = np.array(scene["target"]) + FAR * BACK
+            o = start + across[:, None] * RIGHT + upward[:, None] * UP - np.array(grains["x"][k])
+            t = entry(o @ turn, -BACK @ turn, shape)
+            assert np.all(np.isfinite(t))
+            assert np.all(scene["pixel"] * (FAR - t) > depth)
+        axes = turn * shape[:3]
+        s = np.array([[(a @ axes) @ (b @ axes) for b in (RIGHT, UP)] for a in (RIGHT, UP)])
+        s *= scene["pixel"] ** 2
+        if (
+            min(x.min(), y.min()) > 0
+            and x.max() < SIZE[0] // cell - 1
+            and y.max() < SIZE[1] // cell
+        ):
+            area += len(cells) * cell**2
+            # what lies more than the diagonal of a cell within an outline is in a hidden cell
+            length = np.pi * np.sqrt(2.0 * np.trace(s))
+            inner = np.pi * np.sqrt(np.linalg.det(s)) - (np.sqrt(2.0) * cell + 0.1) * length
+            least += max(0.0, inner)
+    assert area > least > 0.0
+
+
 def test_window() -> None:
     """Close up, grains beside the window are left out, and none within it."""
     grains = packing(3000, "ellipsoids")

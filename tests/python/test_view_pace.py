@@ -114,3 +114,9 @@ def test_told() -> None:
     assert asked(FILES, "paceText(startPace(0), 20)").endswith(
         "100 % of the resolution, all grains"
     )
+
+
+def test_rest() -> None:
+    """The hand rests after a fifth of a second, later where pictures take as long."""
+    words = "[[], [20, 20], [900, 10, 10, 10, 10, 10], [150, 150], [800]].map(restAfter)"
+    assert asked(FILES, words) == [200, 200, 200, 450, 1000]
