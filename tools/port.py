@@ -11,7 +11,7 @@ import re
 import sys
 import tomllib
 
-from port_clients import c_header, python_module
+from port_clients import c_header, python_messages, python_module
 from port_definition import ROOT, SOURCE, faults_of
 from port_fortran import fortran_names, fortran_scalars, fortran_verbs
 from port_tables import manual_page
@@ -47,6 +47,7 @@ def main() -> int:
         ROOT / "common/port/talus_port_names.f90": fortran_names(port),
         ROOT / "common/port/talus_port_names.h": c_header(port),
         ROOT / "prepost/talus/port_names.py": python_module(port),
+        ROOT / "prepost/talus/port_messages.py": python_messages(port),
         manual: manual_page(port, manual.read_text(encoding="utf-8"), faults),
     }  # fmt: skip
     for path, text in made.items():

@@ -113,11 +113,6 @@ def python_module(port: Port) -> str:
     """Return prepost/talus/port_names.py."""
     protocol = port["protocol"]
     whats = {what["name"]: None for what in port["what"]}
-    requests = [(v["name"], v["request"]) for v in port["verb"]]
-    requests += [(f"SET {w['name']}", w["fields"]) for w in port["what"] if w["verb"] == "SET"]
-    replies = [(v["name"], v["reply"]) for v in port["verb"]]
-    replies += [(f"DESCRIBE {w['name']}", w["fields"]) for w in port["what"]
-                if w["verb"] == "DESCRIBE"]  # fmt: skip
     lines = [
         '"""Names and numbers of the exchange port (manual/port.md).',
         "",
@@ -163,6 +158,18 @@ def python_module(port: Port) -> str:
     lines += py_constants(
         "Field", "Names of fields; of sets the part behind the dot.", field_names(port)
     )
+    return "\n".join(lines).rstrip() + "\n"
+
+
+def python_messages(port: Port) -> str:
+    """Return prepost/talus/port_messages.py."""
+    requests = [(v["name"], v["request"]) for v in port["verb"]]
+    requests += [(f"SET {w['name']}", w["fields"]) for w in port["what"] if w["verb"] == "SET"]
+    replies = [(v["name"], v["reply"]) for v in port["verb"]]
+    replies += [(f"DESCRIBE {w['name']}", w["fields"]) for w in port["what"]
+                if w["verb"] == "DESCRIBE"]  # fmt: skip
+    lines = ['"""Fields of the messages of the exchange port (manual/port.md).', ""]
+    lines += [f"{MADE[0].upper()}{MADE[1:]}.", '"""', "", "# fmt: off"]
     doc = "(name, kind, shape, side, required) of the fields of every {}; sets: SET_{}"
     lines += py_messages("REQUESTS", doc.format("request", "REQUESTS"), requests)
     lines += py_messages("REPLIES", doc.format("reply", "REPLIES"), replies)

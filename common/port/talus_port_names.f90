@@ -8,29 +8,30 @@ module talus_port_names
   public :: protocol_version, name_length, header_words, description_words, kind_real
   public :: kind_integer, kind_text, role_report, role_prescribe, role_load, role_surface
   public :: role_border, role_pore, role_count, role_name, role_number, field_a, field_ahead
-  public :: field_analysis, field_area, field_axes, field_border_old, field_branch, field_brief
-  public :: field_capabilities, field_compressibility, field_conductance, field_connectivity
-  public :: field_content, field_couple, field_couple_stress, field_darcy, field_deck_hash
-  public :: field_density, field_drift, field_dt, field_early, field_element, field_entered
-  public :: field_error_code, field_error_hint, field_error_message, field_error_place
-  public :: field_exponent, field_fields, field_final, field_flow_work, field_fluid_in
-  public :: field_force, field_gravity, field_group, field_hash, field_held, field_held_phi
-  public :: field_history, field_id, field_ids, field_impulse, field_inertia, field_iterations
-  public :: field_kick, field_kind, field_knots, field_law, field_load, field_mass
-  public :: field_mass_phi, field_mass_u, field_material, field_mean, field_mean_force
-  public :: field_mean_moment, field_micro_stress, field_micromorphic, field_micropolar
-  public :: field_mobility, field_moduli, field_moment, field_moment_impulse, field_motion
-  public :: field_moved, field_names, field_node, field_node_phi, field_normal, field_omega
-  public :: field_p, field_path, field_phi, field_phi_acceleration, field_phi_rate, field_point
-  public :: field_poisson, field_polar, field_pressure, field_program, field_protocol, field_quat
-  public :: field_radius, field_ranks, field_reaction, field_reaction_moment, field_rehearsal
-  public :: field_restart, field_role, field_run_id, field_scalars, field_scope, field_set
-  public :: field_skew, field_speed, field_speed_phi, field_start, field_steady, field_step_limit
-  public :: field_steps, field_stiffness, field_stiffness_phi, field_storage, field_stress
-  public :: field_stretch, field_substeps, field_t_end, field_tag, field_tangent, field_theta
+  public :: field_analysis, field_area, field_axes, field_band, field_border_old, field_branch
+  public :: field_brief, field_capabilities, field_compressibility, field_conductance
+  public :: field_connectivity, field_content, field_couple, field_couple_stress, field_darcy
+  public :: field_deck_hash, field_density, field_drift, field_dt, field_early, field_element
+  public :: field_entered, field_error_code, field_error_hint, field_error_message
+  public :: field_error_place, field_exponent, field_fields, field_final, field_flow_work
+  public :: field_fluid_in, field_force, field_gravity, field_group, field_guest, field_hash
+  public :: field_held, field_held_phi, field_history, field_id, field_ids, field_impulse
+  public :: field_inertia, field_iterations, field_kick, field_kind, field_knots, field_law
+  public :: field_load, field_mass, field_mass_phi, field_mass_u, field_material, field_mean
+  public :: field_mean_force, field_mean_moment, field_micro_stress, field_micromorphic
+  public :: field_micropolar, field_mobility, field_moduli, field_moment, field_moment_impulse
+  public :: field_motion, field_moved, field_names, field_node, field_node_phi, field_normal
+  public :: field_omega, field_overlap, field_p, field_path, field_phi, field_phi_acceleration
+  public :: field_phi_rate, field_plastic, field_point, field_poisson, field_polar
+  public :: field_pressure, field_program, field_protocol, field_quat, field_radius, field_ranks
+  public :: field_reaction, field_reaction_moment, field_rehearsal, field_restart, field_role
+  public :: field_run_id, field_scalars, field_scope, field_set, field_skew, field_speed
+  public :: field_speed_phi, field_start, field_steady, field_step_limit, field_steps
+  public :: field_stiffness, field_stiffness_phi, field_storage, field_stress, field_stretch
+  public :: field_substeps, field_t_end, field_tag, field_tangent, field_theta, field_tile
   public :: field_time, field_tolerance, field_trial, field_triangle, field_turn, field_u
   public :: field_unbalanced, field_v, field_value, field_value_phi, field_version, field_weight
-  public :: field_weight_phi, field_what, field_work, field_x, field_young, dot_a
+  public :: field_weight_phi, field_what, field_woken, field_work, field_x, field_young, dot_a
   public :: dot_conductance, dot_content, dot_darcy, dot_entered, dot_flow_work, dot_fluid_in
   public :: dot_force, dot_impulse, dot_load, dot_mean_force, dot_mean_moment, dot_moment
   public :: dot_moment_impulse, dot_omega, dot_p, dot_phi, dot_phi_acceleration, dot_phi_rate
@@ -75,6 +76,7 @@ module talus_port_names
   character(len=*), parameter :: field_analysis = 'analysis'  !! HELLO
   character(len=*), parameter :: field_area = 'area'  !! DESCRIBE pore
   character(len=*), parameter :: field_axes = 'axes'  !! WAKE, DESCRIBE grains
+  character(len=*), parameter :: field_band = 'band'  !! DESCRIBE asleep
   character(len=*), parameter :: field_border_old = 'border_old'  !! FORCE
   character(len=*), parameter :: field_branch = 'branch'  !! DESCRIBE contacts
   character(len=*), parameter :: field_brief = 'brief'  !! FORCE, KICK_DRIFT
@@ -88,7 +90,7 @@ module talus_port_names
   character(len=*), parameter :: field_couple_stress = 'couple_stress'  !! DESCRIBE quadrature
   character(len=*), parameter :: field_darcy = 'darcy'
   character(len=*), parameter :: field_deck_hash = 'deck_hash'  !! HELLO
-  character(len=*), parameter :: field_density = 'density'  !! SET initial_stress
+  character(len=*), parameter :: field_density = 'density'  !! DESCRIBE asleep, SET initial_stress
   character(len=*), parameter :: field_drift = 'drift'  !! KICK_DRIFT
   character(len=*), parameter :: field_dt = 'dt'  !! HELLO
   character(len=*), parameter :: field_early = 'early'  !! STOP
@@ -106,6 +108,7 @@ module talus_port_names
   character(len=*), parameter :: field_force = 'force'  !! WAKE, DESCRIBE contacts, SET dead_load
   character(len=*), parameter :: field_gravity = 'gravity'  !! HELLO
   character(len=*), parameter :: field_group = 'group'  !! DESCRIBE
+  character(len=*), parameter :: field_guest = 'guest'  !! WAKE
   character(len=*), parameter :: field_hash = 'hash'  !! CHECKPOINT
   character(len=*), parameter :: field_held = 'held'  !! SELECT
   character(len=*), parameter :: field_held_phi = 'held_phi'  !! SELECT
@@ -135,17 +138,19 @@ module talus_port_names
   character(len=*), parameter :: field_moment = 'moment'  !! SET dead_load
   character(len=*), parameter :: field_moment_impulse = 'moment_impulse'
   character(len=*), parameter :: field_motion = 'motion'  !! HELLO
-  character(len=*), parameter :: field_moved = 'moved'  !! RELAX
+  character(len=*), parameter :: field_moved = 'moved'  !! WAKE, RELAX
   character(len=*), parameter :: field_names = 'names'  !! DESCRIBE groups
   character(len=*), parameter :: field_node = 'node'  !! DESCRIBE mesh, SET places, SET springs
   character(len=*), parameter :: field_node_phi = 'node_phi'  !! SET springs
   character(len=*), parameter :: field_normal = 'normal'  !! DESCRIBE contacts
   character(len=*), parameter :: field_omega = 'omega'  !! WAKE
+  character(len=*), parameter :: field_overlap = 'overlap'  !! WAKE
   character(len=*), parameter :: field_p = 'p'
   character(len=*), parameter :: field_path = 'path'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_phi = 'phi'
   character(len=*), parameter :: field_phi_acceleration = 'phi_acceleration'
   character(len=*), parameter :: field_phi_rate = 'phi_rate'
+  character(len=*), parameter :: field_plastic = 'plastic'  !! DESCRIBE asleep, DESCRIBE quadrature
   character(len=*), parameter :: field_point = 'point'  !! DESCRIBE contacts
   character(len=*), parameter :: field_poisson = 'poisson'  !! SET moduli
   character(len=*), parameter :: field_polar = 'polar'  !! DESCRIBE mesh
@@ -167,7 +172,7 @@ module talus_port_names
   character(len=*), parameter :: field_skew = 'skew'  !! WAKE
   character(len=*), parameter :: field_speed = 'speed'  !! SELECT
   character(len=*), parameter :: field_speed_phi = 'speed_phi'  !! SELECT
-  character(len=*), parameter :: field_start = 'start'  !! DESCRIBE mesh
+  character(len=*), parameter :: field_start = 'start'  !! DESCRIBE asleep, DESCRIBE mesh
   character(len=*), parameter :: field_steady = 'steady'  !! FORCE
   character(len=*), parameter :: field_step_limit = 'step_limit'  !! HELLO and 4 more
   character(len=*), parameter :: field_steps = 'steps'  !! RELAX
@@ -182,13 +187,14 @@ module talus_port_names
   character(len=*), parameter :: field_tag = 'tag'  !! CHECKPOINT, WRITE
   character(len=*), parameter :: field_tangent = 'tangent'  !! DESCRIBE moduli
   character(len=*), parameter :: field_theta = 'theta'
+  character(len=*), parameter :: field_tile = 'tile'  !! DESCRIBE asleep
   character(len=*), parameter :: field_time = 'time'  !! HELLO
   character(len=*), parameter :: field_tolerance = 'tolerance'  !! RELAX
   character(len=*), parameter :: field_trial = 'trial'  !! SOLVE
   character(len=*), parameter :: field_triangle = 'triangle'  !! SELECT
   character(len=*), parameter :: field_turn = 'turn'  !! WAKE
   character(len=*), parameter :: field_u = 'u'
-  character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! RELAX
+  character(len=*), parameter :: field_unbalanced = 'unbalanced'  !! WAKE, RELAX
   character(len=*), parameter :: field_v = 'v'  !! WAKE, SET kind
   character(len=*), parameter :: field_value = 'value'  !! SET contact_weight and 4 more
   character(len=*), parameter :: field_value_phi = 'value_phi'  !! SET mass_factor
@@ -196,6 +202,7 @@ module talus_port_names
   character(len=*), parameter :: field_weight = 'weight'  !! DESCRIBE quadrature, SET springs
   character(len=*), parameter :: field_weight_phi = 'weight_phi'  !! SET springs
   character(len=*), parameter :: field_what = 'what'  !! DESCRIBE, SET
+  character(len=*), parameter :: field_woken = 'woken'  !! WAKE
   character(len=*), parameter :: field_work = 'work'
   character(len=*), parameter :: field_x = 'x'  !! SELECT and 7 more
   character(len=*), parameter :: field_young = 'young'  !! SET moduli

@@ -4,16 +4,18 @@ module cpl_bed
   use talus_kinds, only: wp, i4, i8
   use talus_errors, only: error_list_type
   use talus_message, only: verb_relax, verb_set, verb_sleep, verb_wake
-  use talus_port_names, only: field_history, field_id, field_kind, field_knots, field_mass, &
-    field_moved, field_omega, field_pressure, field_radius, field_steps, field_stress, &
-    field_stretch, field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, &
-    field_what, field_x, what_asleep, what_grains, what_kind
+  use talus_port_names, only: field_guest, field_history, field_id, field_kind, field_knots, &
+    field_mass, field_moved, field_omega, field_overlap, field_pressure, field_radius, &
+    field_steps, field_stress, field_stretch, field_substeps, field_tolerance, field_turn, &
+    field_unbalanced, field_v, field_what, field_woken, field_x, what_asleep, what_grains, &
+    what_kind
   use talus_text, only: str
   use talus_timers, only: timers_type
   use talus_vectors, only: turned
   use cpl_cells, only: cells_type, spot_type
   use cpl_closing, only: fate_type
   use cpl_histories, only: histories_type, request_type
+  use cpl_library, only: library_type
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type
   use cpl_roles, only: roles_type
@@ -37,6 +39,9 @@ module cpl_bed
     integer(i4) :: steps = 0           !! to rest
     real(wp) :: unbalanced = 0.0_wp    !! at the end of them [-]
     real(wp) :: moved = 0.0_wp         !! by them, at most [m]
+    integer(i4) :: guests = 0, lost = 0  !! of another tile than their element's, and for them
+    real(wp) :: seam(3) = 0.0_wp       !! overlapped volume [-], farthest way [m] and force that is
+                                       !! left [-] of grains between two tiles
   end type change_type
 
   type :: bed_type
@@ -47,6 +52,7 @@ module cpl_bed
     type(change_type) :: change             !! of the last conversion
     type(histories_type) :: histories       !! of the elements
     type(cells_type) :: cells               !! the mesh at rest
+    type(library_type) :: library           !! of several tiles
   contains
     procedure :: read => read_bed
     procedure :: begin => fit_to_parts
@@ -139,6 +145,7 @@ contains
       leaving(g) = roles%part(spot%element) == part_rest
       bound(g) = roles%part(spot%element) == part_ghost
       filled(spot%element) = .true.
+      call self%library%take_over(spot%element, int(pack_of%id(g), i8))
     end do
     allocate (still%u(3, cells%nodes), still%v(3, cells%nodes), still%phi(3, cells%nodes), &
               still%w(3, cells%nodes), source=0.0_wp)
@@ -311,7 +318,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     logical :: waking(size(self%id))
     real(wp), allocatable :: x(:, :), speed(:, :)
-    integer(i4), allocatable :: at(:), kind(:)
+    integer(i4), allocatable :: at(:), kind(:), marks(:)
     integer(i4) :: k, e, n
 
     do k = 1, size(waking)
@@ -319,9 +326,11 @@ contains
       waking(k) = e > 0
       if (waking(k)) waking(k) = roles%part(e) /= part_rest .or. self%kind(k) /= none
     end do
-    at = pack([(k, k=1, size(waking))], waking)
-    self%change%woken = self%change%woken + size(at)
-    if (size(at) == 0) return
+    call choose_waking(self, roles, waking, at, marks)
+    if (size(at) == 0) then
+      call drop(self, waking)
+      return
+    end if
     allocate (x(3, size(at)), speed(3, size(at)), kind(size(at)))
     do k = 1, size(at)
       associate (spot => self%spot(at(k)))
@@ -344,14 +353,53 @@ contains
       call put_histories(self, grains, cells, carried, [(self%spot(at(k))%element, k=1, size(at))])
     if (any(cells%polar) .and. .not. self%histories%active) &
       call put_turns(cells, carried, self%spot(at), grains)
+    if (any(marks > 0)) call grains%request%put_int(field_guest, marks)
     call grains%ask(timers, errors)
     if (errors%any()) return
     call drop(self, waking)
+    call count_woken(grains, marks, self%change, errors)
     if (.not. grains%reply%has(field_stress)) return
     call grains%reply%take(field_stress, self%change%stress, errors)
     call grains%reply%get(field_pressure, self%change%pressure, errors)
     call grains%reply%get_int(field_substeps, self%change%replay_steps, errors)
   end subroutine wake
+
+  !> Rows of the list that may wake, of those in elements that hold grains from now on, and their
+  !! marks (cpl_library); of a single tile all do.
+  pure subroutine choose_waking(self, roles, waking, at, marks)
+    class(bed_type), intent(in) :: self
+    type(roles_type), intent(in) :: roles
+    logical, intent(in) :: waking(:)
+    integer(i4), allocatable, intent(out) :: at(:), marks(:)
+    integer(i4) :: k
+    at = pack([(k, k=1, size(waking))], waking)
+    allocate (marks(size(at)), source=0_i4)
+    if (.not. self%library%active) return
+    call self%library%mark(self%cells, roles%part, self%spot(at)%element, self%id(at), &
+                           self%x(:, at), marks)
+    at = pack(at, marks >= 0)
+    marks = pack(marks, marks >= 0)
+  end subroutine choose_waking
+
+  !> How many have woken, and what became of those between two tiles.
+  subroutine count_woken(grains, marks, change, errors)
+    type(cpl_solver_type), intent(inout) :: grains
+    integer(i4), intent(in) :: marks(:)
+    type(change_type), intent(inout) :: change
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: woken(size(marks))
+    woken = 1
+    if (any(marks > 0)) then
+      call grains%reply%get_int(field_woken, woken, errors)
+      call grains%reply%get(field_overlap, change%seam(1), errors)
+      call grains%reply%get(field_moved, change%seam(2), errors)
+      call grains%reply%get(field_unbalanced, change%seam(3), errors)
+      if (errors%any()) return
+    end if
+    change%woken = change%woken + sum(woken)
+    change%guests = count(marks == 2 .and. woken == 1)
+    change%lost = count(marks < 2 .and. woken == 0)
+  end subroutine count_woken
 
   !> Grains that wake have turned with the micro-rotation, as ghosts do, and go on so.
   subroutine put_turns(cells, carried, spot, grains)

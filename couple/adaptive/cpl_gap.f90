@@ -6,7 +6,8 @@ module cpl_gap
   use talus_errors, only: error_list_type
   use talus_log, only: short_number
   use talus_message, only: verb_describe
-  use talus_port_names, only: field_element, field_stress, field_weight, field_what, what_quadrature
+  use talus_port_names, only: field_element, field_plastic, field_stress, field_weight, &
+    field_what, what_quadrature
   use talus_text, only: str
   use talus_timers, only: timers_type
   use cpl_bed, only: change_type
@@ -17,7 +18,7 @@ module cpl_gap
   implicit none
   private
   public :: find_gap, mass_gap, density_of, stress_type, read_stress, mean_stress, six, &
-    mobilised
+    mobilised, yielded
 
   !> Components xx yy zz xy yz zx among nine.
   integer(i4), parameter :: six(6) = [1, 5, 9, 2, 6, 7]
@@ -27,6 +28,7 @@ module cpl_gap
     real(wp), allocatable :: stress(:, :)    !! (6, points), or with a second field (9, points) [Pa]
     real(wp), allocatable :: weight(:)       !! (points) [m^3]
     integer(i4), allocatable :: element(:)   !! (points)
+    real(wp), allocatable :: plastic(:)      !! (points) equivalent plastic strain, if it is told
   end type stress_type
 
 contains
@@ -94,7 +96,26 @@ contains
     call solid%reply%take(field_stress, points%stress, errors)
     call solid%reply%take(field_weight, points%weight, errors)
     call solid%reply%take_int(field_element, points%element, errors)
+    if (solid%reply%has(field_plastic)) call solid%reply%take(field_plastic, points%plastic, errors)
   end subroutine read_stress
+
+  !> Mean equivalent plastic strain of each element, none where it is not told. eq. C.69
+  pure function yielded(points, elements) result(mean)
+    type(stress_type), intent(in) :: points
+    integer(i4), intent(in) :: elements
+    real(wp) :: mean(elements), volume(elements)
+    integer(i4) :: k
+    mean = 0.0_wp
+    if (.not. allocated(points%plastic)) return
+    volume = 0.0_wp
+    do k = 1, size(points%element)
+      associate (e => points%element(k))
+        volume(e) = volume(e) + points%weight(k)
+        mean(e) = mean(e) + points%weight(k)*points%plastic(k)
+      end associate
+    end do
+    where (volume > 0.0_wp) mean = mean/volume
+  end function yielded
 
   !> Deviator over pressure, q/p, of the mean stress of each element: none where the pressure is
   !! less than a hundredth of the largest one, as at a surface. eq. C.73

@@ -15,8 +15,9 @@ module cpl_roles
   use cpl_sets, only: part_none, part_rest, part_ghost, part_free
   implicit none
   private
-  public :: roles_type
+  public :: roles_type, by_strain, by_ratio, by_plastic
 
+  integer(i4), parameter :: by_strain = 1, by_ratio = 2, by_plastic = 3  !! of what is too much
   character(len=*), parameter :: by_plan = 'adapt'  !! in place of the name of a group
 
   type :: roles_type
@@ -33,8 +34,8 @@ module cpl_roles
     real(wp) :: keep_behind = 0.0_wp    !! grains farther behind the box leave; 0: they stay [m]
     real(wp) :: most_gap = 0.5_wp       !! of the stress of tile and element, over the pressure
     real(wp) :: close_behind = 0.0_wp   !! elements farther behind may close; 0: none does [m]
-    real(wp) :: open_strain = 0.0_wp    !! at which elements of ghosts are opened; 0: none is [-]
-    real(wp) :: open_ratio = 0.0_wp     !! the same, of q/p; 0: none is [-]
+    !> Strain, q/p and plastic strain at which elements of ghosts are opened; 0: none is [-].
+    real(wp) :: opening(3) = 0.0_wp
     logical :: replay = .false.         !! grains wake after the history of their element
     real(wp) :: hold_behind = 0.0_wp    !! depth of the layer before that is held [m]
     real(wp), allocatable :: middle(:, :)     !! of the elements (3, n) [m]
@@ -85,8 +86,9 @@ contains
     call deck%get('adapt', 1, 'keep_behind', self%keep_behind)
     call deck%get('adapt', 1, 'hold_behind', self%hold_behind)
     call deck%get('adapt', 1, 'close_behind', self%close_behind)
-    call deck%get('adapt', 1, 'open_strain', self%open_strain)
-    call deck%get('adapt', 1, 'open_ratio', self%open_ratio)
+    call deck%get('adapt', 1, 'open_strain', self%opening(by_strain))
+    call deck%get('adapt', 1, 'open_ratio', self%opening(by_ratio))
+    call deck%get('adapt', 1, 'open_plastic', self%opening(by_plastic))
     self%every = max(1_i8, nint(every/choices%exchange, i8))
     associate (o => choices%overlap)
       if (o%bound .or. o%scheme == 'static' .or. o%partition /= 'share' .or. &

@@ -167,18 +167,25 @@ contains
   end function is_continuum
 
   !> A grain that is a ghost already moves with the element of ghosts that it is in or just beside:
-  !! within its element it does not stand where the nodes alone would carry it.
+  !! within its element it does not stand where the nodes alone would carry it; least of all one
+  !! that has made room beside another tile, and may stand in continuum alone.
   subroutine prefer_ghosts(self, cells, x, spot)
     type(sets_type), intent(in) :: self
     type(cells_type), intent(in) :: cells
     real(wp), intent(in) :: x(3)  !! [m]
     type(spot_type), intent(inout) :: spot
-    real(wp), parameter :: slack = 0.1_wp  !! of natural coordinates
+    real(wp), parameter :: slack(3) = [0.1_wp, 0.3_wp, 0.6_wp]  !! of natural coordinates
     type(spot_type) :: beside
+    integer(i4) :: k
     if (spot%element > 0) then
       if (self%part(spot%element) == part_ghost) return
     end if
-    call cells%find_beside(x, self%part == part_ghost, slack, beside)
+    do k = 1, size(slack)
+      call cells%find_beside(x, self%part == part_ghost, slack(k), beside)
+      if (beside%element > 0) exit
+      if (spot%element == 0) exit
+      if (self%part(spot%element) /= part_rest) exit
+    end do
     if (beside%element > 0) spot = beside
   end subroutine prefer_ghosts
 

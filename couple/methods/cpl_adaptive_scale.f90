@@ -7,7 +7,7 @@
 !! behind the body may close again. Faults N460, N463, D460.
 module cpl_adaptive_scale
   use talus_kinds, only: wp, i4, i8
-  use talus_port_names, only: can_element_stress
+  use talus_port_names, only: can_element_stress, what_asleep
   use talus_text, only: str, string_type, append_string
   use talus_errors, only: error_list_type
   use talus_checkpoint, only: checkpoint_info_type
@@ -21,7 +21,8 @@ module cpl_adaptive_scale
   use cpl_cells, only: cells_type
   use cpl_choices, only: cpl_choices_type
   use cpl_closing, only: closing_type, fate_type
-  use cpl_gap, only: find_gap, mass_gap, density_of, stress_type, read_stress, mobilised
+  use cpl_gap, only: find_gap, mass_gap, density_of, stress_type, read_stress, mobilised, &
+    yielded
   use cpl_overlap, only: overlap_type
   use cpl_overlap_carry, only: carried_type, carry_from, look_at_motion
   use cpl_overlap_file, only: read_overlap_reference
@@ -29,7 +30,7 @@ module cpl_adaptive_scale
   use cpl_overlap_setup, only: make_overlap, begin_overlap, read_grains, read_mesh
   use cpl_rebirth, only: rebirth_type
   use cpl_reborn, only: reborn_type
-  use cpl_roles, only: roles_type
+  use cpl_roles, only: roles_type, by_ratio, by_plastic, by_strain
   use cpl_run, only: cpl_run_type
   use cpl_sets, only: pack_type, part_none, part_rest, part_ghost, part_free
   use cpl_solver, only: cpl_solver_type, side_grains, side_solid
@@ -40,12 +41,13 @@ module cpl_adaptive_scale
   real(wp), parameter :: far = 1.0e6_wp       !! [m] where no node is
   real(wp), parameter :: most_apart = 0.1_wp  !! of the masses of grains and continuum [-]
 
-  character(len=18), parameter :: columns(26) = [character(len=18) :: 'time [s]', 'opened [-]', &
+  character(len=18), parameter :: columns(31) = [character(len=18) :: 'time [s]', 'opened [-]', &
     'without [-]', 'ghosts [-]', 'woken [-]', 'freed [-]', 'left [-]', 'awake [-]', &
     'replays [-]', 'replay_steps [-]', 'gap_stress [-]', 'rest_steps [-]', &
     'unbalanced [-]', 'moved [m]', 'kinetic [J]', 'elastic [J]', 'largest_hold [N]', &
     'momentum [kg m/s]', 'closed [-]', 'strain [-]', 'past_strain [-]', &
-    'front_strain [-]', 'gap_mass [-]', 'reborn [-]', 'gap_yield [-]', 'gap_yield_mean [-]']
+    'front_strain [-]', 'gap_mass [-]', 'reborn [-]', 'gap_yield [-]', 'gap_yield_mean [-]', &
+    'guests [-]', 'lost [-]', 'seam_overlap [-]', 'seam_moved [m]', 'seam_unbalanced [-]']
 
   type, extends(bridging_scale_type) :: adaptive_scale_type
     type(roles_type) :: roles
@@ -112,13 +114,19 @@ contains
         call read_overlap_reference(run%checkpoint, run%state, reference, errors)
         if (.not. errors%any()) call read_parts(self, run, errors)
         if (.not. errors%any()) call self%bed%read(grains, plain%cells, timers, errors)
+        if (.not. errors%any()) call self%bed%library%read(grains%reply, plain%cells, &
+          self%roles, run%solvers(side_solid), errors)
         if (.not. errors%any()) call self%bed%forget(self%roles, spread(.true., 1, &
                                                                         plain%cells%elements))
       else
         call self%roles%plan(plain%cells, 0.0_wp, spell(self, run), part)
         call move_alloc(part, self%roles%part)
         call self%closing%note_parts(self%roles%part, self%roles%part)
-        call read_grains(plain, grains, timers, errors)
+        call grains%describe(what_asleep, '', timers, errors)
+        if (.not. errors%any()) call self%bed%library%read(grains%reply, plain%cells, &
+          self%roles, run%solvers(side_solid), errors)
+        if (.not. errors%any()) call choose_tiles(self, run, plain%cells, errors)
+        if (.not. errors%any()) call read_grains(plain, grains, timers, errors)
         if (.not. errors%any()) call self%bed%begin(grains, self%roles, plain%pack, plain%cells, &
                                                     timers, errors)
       end if
@@ -138,9 +146,14 @@ contains
     type(cells_type), intent(in) :: cells
     type(cpl_solver_type), intent(in) :: solid
     type(error_list_type), intent(inout) :: errors
-    if (self%roles%open_ratio > 0.0_wp .and. .not. solid%can(can_element_stress)) &
-      call errors%add('D460', 'open_ratio is given, and '//solid%title()//' has no '// &
-        'stress of the bed', solid%deck, 'take a law with a state, or open_strain')
+    if (.not. solid%can(can_element_stress)) then
+      if (self%roles%opening(by_ratio) > 0.0_wp) call errors%add('D460', 'open_ratio is given, '// &
+        'and '//solid%title()//' has no stress of the bed', solid%deck, &
+        'take a law with a state, or open_strain')
+      if (self%roles%opening(by_plastic) > 0.0_wp) call errors%add('D460', 'open_plastic is '// &
+        'given, and '//solid%title()//' has no plastic strain', solid%deck, &
+        'take a law with a state, or open_strain')
+    end if
     if (cells%micromorphic) then
       call errors%add('D460', 'the solid has micro-deformations', solid%deck, &
         'grains follow a body in classical and micropolar solids')
@@ -161,6 +174,28 @@ contains
     if (any(abs(points%stress) > 0.0_wp)) call errors%add('D460', 'the micropolar solid begins '// &
       'with a stress', solid%deck, 'leave the initial stress out, or take a classical law')
   end subroutine check_stressless
+
+  !> Tiles of the elements that wake grains: by their density and plastic strain now.
+  subroutine choose_tiles(self, run, placed, errors)
+    class(adaptive_scale_type), intent(inout) :: self
+    type(cpl_run_type), intent(inout) :: run
+    type(cells_type), intent(in) :: placed  !! the mesh now
+    type(error_list_type), intent(inout) :: errors
+    type(stress_type) :: points
+    real(wp) :: volume(placed%elements), plastic(placed%elements)
+    integer(i4) :: e
+    associate (bed => self%bed)
+      if (.not. bed%library%active) return
+      plastic = 0.0_wp
+      if (bed%library%by_strain()) then
+        call read_stress(run%solvers(side_solid), points, run%timers, errors)
+        if (errors%any()) return
+        plastic = yielded(points, placed%elements)
+      end if
+      volume = [(placed%volume(e)/bed%cells%volume(e), e=1, placed%elements)]
+      call bed%library%choose(self%roles%part, volume, plastic)
+    end associate
+  end subroutine choose_tiles
 
   !> Time that a plan looks ahead: two of its intervals [s].
   pure real(wp) function spell(self, run)
@@ -191,6 +226,7 @@ contains
       call file%get_into('/adapt/base_phi', self%o%map%base_phi, errors)
     end if
     call self%bed%histories%get(file, errors)
+    call self%bed%library%get(size(self%roles%part, kind=i4), file, errors)
     call self%closing%get(size(self%roles%part, kind=i4), file, errors)
     if (self%closing%active .and. .not. errors%any()) call self%rebirth%get(file, errors)
     if (any(self%roles%part < part_none .or. self%roles%part > part_free)) &
@@ -263,36 +299,33 @@ contains
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
     type(stress_type) :: points
-    real(wp) :: ratio(size(strained))
+    real(wp) :: found(3, size(strained))
     integer(i4) :: e
 
     strained = .false.
-    associate (r => self%roles)
-      if (.not. (r%replay .or. r%open_strain > 0.0_wp .or. r%open_ratio > 0.0_wp)) return
-    end associate
+    if (.not. (self%roles%replay .or. any(self%roles%opening > 0.0_wp))) return
     run%solvers%time = t1
     call look_at_motion(self%o, run%solvers(side_solid), carried, run%timers, errors)
     if (errors%any()) return
     call self%bed%histories%note(self%o%cells, carried%u, &
                                  carried%part == part_rest .or. carried%part == part_ghost)
-    if (.not. max(self%roles%open_strain, self%roles%open_ratio) > 0.0_wp) return
-    ratio = 0.0_wp
-    if (self%roles%open_ratio > 0.0_wp) then
+    if (.not. any(self%roles%opening > 0.0_wp)) return
+    found = 0.0_wp
+    if (any(self%roles%opening(by_ratio:) > 0.0_wp)) then
       call read_stress(run%solvers(side_solid), points, run%timers, errors)
       if (errors%any()) return
-      ratio = mobilised(points, size(strained, kind=i4))
+      found(by_ratio, :) = mobilised(points, size(strained, kind=i4))
+      found(by_plastic, :) = yielded(points, size(strained, kind=i4))
     end if
     do e = 1, size(strained)
       if (carried%part(e) /= part_ghost .or. self%closing%shut(e)) cycle
-      if (self%roles%open_strain > 0.0_wp) strained(e) = self%bed%histories%strain(self%o%cells, &
-        carried%u, e) > self%roles%open_strain
-      if (self%roles%open_ratio > 0.0_wp) strained(e) = strained(e) .or. &
-        ratio(e) > self%roles%open_ratio
+      found(by_strain, e) = self%bed%histories%strain(self%o%cells, carried%u, e)
+      strained(e) = any(self%roles%opening > 0.0_wp .and. found(:, e) > self%roles%opening)
       if (.not. strained(e)) cycle
       if (any(all(carried%held(:, self%o%cells%nodes_of(e)), 1))) then
         call errors%add('N460', 'element '//str(e)//', which the deck of the solid holds, is '// &
-          'strained more than open_strain or stressed more than open_ratio of &adapt', &
-          'conversion at '//str(t1)//' s', 'a wider mesh, or a larger number of &adapt')
+          'strained more than open_strain or open_plastic, or stressed more than open_ratio of '// &
+          '&adapt', 'conversion at '//str(t1)//' s', 'a wider mesh, or a larger number of &adapt')
         return
       end if
     end do
@@ -319,6 +352,7 @@ contains
     type(pack_type), intent(in) :: pack_of  !! grains now, if elements may close
     type(error_list_type), intent(inout) :: errors
     type(carried_type) :: carried
+    type(cells_type) :: placed
     real(wp) :: before(5), change(5)
 
     run%solvers%time = t1
@@ -329,6 +363,10 @@ contains
     if (.not. errors%any()) self%front = front_strain(self, carried)
     if (self%closing%active .and. .not. errors%any()) &
       call close_elements(self, run, pack_of, carried, errors)
+    if (self%bed%library%active .and. .not. errors%any()) then
+      call self%bed%cells%place(self%bed%cells%x + carried%u, placed)
+      call choose_tiles(self, run, placed, errors)
+    end if
     if (.not. errors%any()) call self%bed%convert(self%o, run%solvers(side_grains), self%roles, &
                                                   carried, run%timers, errors)
     if (.not. errors%any()) call self%bed%leave_behind(run%solvers(side_grains), self%roles, &
@@ -347,7 +385,8 @@ contains
                                 norm2(change(3:))], errors)
       call run%log%line('time '//short_number(t1)//' s: '//str(told%woken)//' grains woke, '// &
         str(told%freed)//' ghosts are free, '//str(told%slept)//' left, '//str(told%awake)// &
-        ' are awake'//closed_text(told, self%reborn)//replays_text(told, self%gap))
+        ' are awake'//closed_text(told, self%reborn)//replays_text(told, self%gap)// &
+        seam_text(told))
     end associate
     call renew_watch(self, run, errors)
   end subroutine convert
@@ -393,6 +432,16 @@ contains
       str(change%replay_steps)//' steps, stress of tile and continuum differ by '// &
       short_number(gap)//' of the pressure'
   end function replays_text
+
+  !> Of grains between two tiles, if there were any.
+  pure function seam_text(change) result(text)
+    type(change_type), intent(in) :: change
+    character(len=:), allocatable :: text
+    text = ''
+    if (change%guests + change%lost > 0) text = '; between two tiles '//str(change%guests)// &
+      ' woke for '//str(change%lost)//' others, '//short_number(change%seam(1))//' of their '// &
+      'volume overlapped'
+  end function seam_text
 
   !> N463: more grains are awake than the deck allows.
   subroutine check_awake(self, t1, errors)
@@ -464,7 +513,8 @@ contains
         real(change%awake, wp), real(change%replays, wp), real(change%replay_steps, wp), &
         self%gap, real(change%steps, wp), change%unbalanced, change%moved, numbers, &
         real(change%closed, wp), self%closing%found, self%front, &
-        mass_gap(self%o, self%bed%cells), real(self%reborn%count, wp), self%reborn%beyond], errors)
+        mass_gap(self%o, self%bed%cells), real(self%reborn%count, wp), self%reborn%beyond, &
+        real(change%guests, wp), real(change%lost, wp), change%seam], errors)
       call self%history%flush(errors)
     end associate
   end subroutine note
@@ -496,6 +546,7 @@ contains
     if (allocated(self%o%map%base_phi)) &
       call file%put('/adapt/base_phi', self%o%map%base_phi, errors)
     call self%bed%histories%put(file, errors)
+    call self%bed%library%put(file, errors)
     call self%closing%put(file, errors)
     if (self%closing%active) call self%rebirth%put(file, errors)
     call self%o%ledger%put_bond(file, errors)
@@ -526,6 +577,9 @@ contains
       short_number(1.0_wp + apart)//' of the mass of the continuum in their elements: give the '// &
       'solid the density of the bed, its solid fraction times that of the grains, and a mesh '// &
       'that ends where the bed does')
+    if (self%bed%library%active .and. self%roles%rest_steps == 0) call log%warn('W436'// &
+      ': grains of several tiles meet and do not come to rest before they move: give &adapt '// &
+      'rest_steps')
     call log%item('elements are opened', 'within '//short_number(self%roles%within)// &
       ' m of the way of the body', 'every '//str(self%roles%every)//' exchanges; '// &
       str(size(self%bed%id))//' grains sleep')

@@ -310,7 +310,7 @@ contains
 
   subroutine group_adapt(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('adapt', 20, &
+    call table%add_group('adapt', 21, &
       'Grains follow a body that travels through a bed of sleeping grains (`&tile` in ' &
       //'the deck of the grains). Elements of the mesh near the way of the body are ' &
       //'opened: their grains wake and are free; in the outer layers of the opened ' &
@@ -437,6 +437,14 @@ contains
       //' with a state, which begin with the stress of the bed: nine tenths of the ' &
       //'critical slope, say. Elements that have closed once, and those with less than a ' &
       //'hundredth of the largest pressure, are not opened by it (D460, N460).')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
+    call table%add_key('open_plastic', 'real', '', &
+      'Elements of ghosts whose equivalent plastic strain since the start, or since ' &
+      //'they have begun anew, is above this are opened, too, wherever the body is; 0: ' &
+      //'none. For solids of laws with a state: the law has begun to say how grains flow.' &
+      //' Elements that have closed once are not opened by it (D460, N460).')
     call table%preset('0.0')
     call table%bounds(min=0.0_wp)
     call table%magnitude(0.0_wp, 1000000000000000.0_wp)

@@ -1,8 +1,10 @@
 !> A bed of copies of one periodic packing, the tile, most of whose grains sleep: they exist, but no
-!! one looks at them (theory-dem, Conversion). Faults I254, I460, D300.
+!! one looks at them (theory-dem, Conversion). Faults I254, I460, D300; of several tiles
+!! dem_library.
 !!
 !! Copy (i, j, k) of the tile of N grains is number c = i + n_x (j + n_y k) of n_x n_y n_z; row r
 !! of it, from 1 in the order of the tile's ids, has the id r + N c and is at x_r + (i, j, k) edges.
+!! Several tiles lie over each other in the same copies; ids of one follow those of the one before.
 !! Grains may wake in the state of a history of stretch that a copy of the tile has gone through
 !! (dem_replay).
 !! eq. D.24
@@ -11,7 +13,9 @@ module dem_bed
   use talus_text, only: str
   use talus_errors, only: error_list_type
   use talus_deck, only: deck_type
+  use talus_homogenise, only: inverse_of
   use dem_ellipsoid, only: quaternion_product, rotation_of
+  use dem_library, only: tile_type, check_library, read_stamp
   use dem_make, only: sorted_order
   use dem_packing, only: dem_packing_type, read_packing
   use dem_records, only: index_of
@@ -32,17 +36,20 @@ module dem_bed
 
   type :: dem_bed_type
     logical :: active = .false.
-    type(dem_packing_type) :: tile     !! rows in the order of their ids
+    type(tile_type), allocatable :: tile(:)
     integer(i4) :: copies(3) = 1
-    type(tile_contacts_type) :: contacts  !! of the tile
-    type(replays_type) :: replays
+    type(replays_type) :: replays          !! of the first tile
   contains
     procedure :: read => read_bed
+    procedure :: grains => all_grains
+    procedure :: tile_of
+    procedure :: place_of
+    procedure :: near
     procedure :: list_asleep
     procedure :: fill => fill_batch
     procedure :: springs_of
     procedure :: follow_histories
-    procedure, private :: place_of
+    procedure, private :: row_of_id
     procedure, private :: copy_of
     procedure, private :: id_of
   end type dem_bed_type
@@ -56,7 +63,7 @@ contains
     logical, intent(in) :: served  !! a partner drives the run
     type(error_list_type), intent(inout) :: errors
     integer(i4), allocatable :: copies(:)
-    integer(i4) :: before
+    integer(i4) :: before, t
 
     self%active = deck%count('tile') > 0
     if (.not. self%active) return
@@ -65,22 +72,73 @@ contains
       'tile', 1, '', 'this group is for runs of talus-couple; alone use &window')
     call deck%get('tile', 1, 'copies', copies)
     self%copies = copies
-    call read_packing(self%tile, deck%path('tile', 1, 'file'), errors)
+    allocate (self%tile(deck%count('tile')))
+    do t = 1, size(self%tile)
+      call read_tile(self, deck, t, errors)
+    end do
     if (errors%count > before) return
-    if (.not. self%tile%has_cell .or. self%tile%springs%given == 0) then
-      call errors%add('I254', 'the tile has no cell or no contacts', deck%path('tile', 1, 'file'), &
-                      'take the packing that a run with &cell leaves at its end, at rest')
-      return
-    end if
-    if (product(real(self%copies, wp))*self%tile%n >= real(huge(1_i4), wp)) &
+    call check_library(self%tile, deck, errors)
+    if (self%grains() >= int(huge(1_i4), i8)) &
       call errors%add('I460', 'copies of the tile have more than '//str(huge(1_i4))//' grains', &
                       deck%path('tile', 1, 'file'), 'ids are whole numbers below that: a '// &
                       'smaller bed')
-    call order_rows(self%tile)
-    self%tile%kind = kind_free
-    call sort_contacts(self%contacts, self%tile%id, self%tile%springs)
     call self%replays%read(deck)
   end subroutine read_bed
+
+  !> One tile, whose ids follow those of the one before.
+  subroutine read_tile(self, deck, t, errors)
+    class(dem_bed_type), intent(inout) :: self
+    type(deck_type), intent(in) :: deck
+    integer(i4), intent(in) :: t
+    type(error_list_type), intent(inout) :: errors
+    integer(i4) :: before
+    before = errors%count
+    associate (tile => self%tile(t))
+      call read_packing(tile%rows, deck%path('tile', t, 'file'), errors)
+      if (errors%count > before) return
+      if (.not. tile%rows%has_cell .or. tile%rows%springs%given == 0) then
+        call errors%add('I254', 'the tile has no cell or no contacts', &
+          deck%path('tile', t, 'file'), &
+          'take the packing that a run with &cell leaves at its end, at rest')
+        return
+      end if
+      if (t > 1) tile%before = self%tile(t - 1)%before &
+        + int(self%tile(t - 1)%rows%n, i8)*product(int(self%copies, i8))
+      call deck%get('tile', t, 'plastic_strain', tile%plastic)
+      if (size(self%tile) > 1) call read_stamp(tile, deck%path('tile', t, 'file'), errors)
+      call order_rows(tile%rows)
+      tile%rows%kind = kind_free
+      call sort_contacts(tile%contacts, tile%rows%id, tile%rows%springs)
+    end associate
+  end subroutine read_tile
+
+  !> Grains of the bed, awake or not.
+  pure integer(i8) function all_grains(self) result(n)
+    class(dem_bed_type), intent(in) :: self
+    integer(i4) :: t
+    n = 0
+    do t = 1, size(self%tile)
+      n = n + int(self%tile(t)%rows%n, i8)*product(int(self%copies, i8))
+    end do
+  end function all_grains
+
+  !> Tile of a grain.
+  pure integer(i4) function tile_of(self, id) result(t)
+    class(dem_bed_type), intent(in) :: self
+    integer(i8), intent(in) :: id
+    do t = size(self%tile, kind=i4), 2, -1
+      if (id > self%tile(t)%before) return
+    end do
+  end function tile_of
+
+  !> Row of a grain in its tile.
+  pure integer(i4) function row_of_id(self, id) result(r)
+    class(dem_bed_type), intent(in) :: self
+    integer(i8), intent(in) :: id
+    associate (tile => self%tile(self%tile_of(id)))
+      r = 1 + int(mod(id - tile%before - 1, int(tile%rows%n, i8)), i4)
+    end associate
+  end function row_of_id
 
   !> Grains of a packing in the order of their ids.
   pure subroutine order_rows(tile)
@@ -107,7 +165,7 @@ contains
     logical, allocatable :: awake(:)
     integer(i4) :: i, k, n
 
-    n = self%tile%n*product(self%copies)
+    n = int(self%grains(), i4)
     allocate (awake(n), source=.false.)
     do i = 1, d%grains%n
       if (d%grains%id(i) <= n) awake(d%grains%id(i)) = .true.
@@ -129,8 +187,13 @@ contains
     real(wp) :: quat(4), offset(3)
     integer(i4) :: i, r
     do i = 1, batch%n
-      r = 1 + int(mod(batch%id(i) - 1, int(self%tile%n, i8)), i4)
-      quat = self%tile%quat(:, r)
+      r = self%row_of_id(batch%id(i))
+      associate (rows => self%tile(self%tile_of(batch%id(i)))%rows)
+        quat = rows%quat(:, r)
+        batch%axes(:, i) = rows%axes(:, r)
+        batch%skew(:, i) = rows%skew(:, r)
+        batch%exponent(i) = rows%exponent(r)
+      end associate
       offset = 0.0_wp
       if (waking%history(i) > 0) then
         associate (state => self%replays%kept(waking%history(i)))
@@ -141,9 +204,6 @@ contains
       if (.not. placed) batch%x(:, i) = self%place_of(batch%id(i))
       batch%x(:, i) = batch%x(:, i) + offset
       if (.not. turned) batch%quat(:, i) = quaternion_product(waking%turn(:, i), quat)
-      batch%axes(:, i) = self%tile%axes(:, r)
-      batch%skew(:, i) = self%tile%skew(:, r)
-      batch%exponent(i) = self%tile%exponent(r)
     end do
   end subroutine fill_batch
 
@@ -163,7 +223,7 @@ contains
       associate (history => stretch(:, :, last + 1:last + knots(k)))
         number(k) = self%replays%find(history)
         if (number(k) == 0) then
-          call self%replays%follow(self%tile, like, material, history, errors)
+          call self%replays%follow(self%tile(1)%rows, like, material, history, errors)
           if (errors%any()) return
           number(k) = size(self%replays%kept)
           steps = steps + self%replays%kept(number(k))%steps
@@ -179,9 +239,9 @@ contains
     class(dem_bed_type), intent(in) :: self
     integer(i8), intent(in) :: id
     real(wp) :: x(3)
-    integer(i4) :: r
-    r = 1 + int(mod(id - 1, int(self%tile%n, i8)), i4)
-    x = self%tile%x(:, r) + matmul(self%tile%cell, real(self%copy_of(id), wp))
+    associate (rows => self%tile(self%tile_of(id))%rows)
+      x = rows%x(:, self%row_of_id(id)) + matmul(rows%cell, real(self%copy_of(id), wp))
+    end associate
   end function place_of
 
   !> Copy in which a grain is, from 0.
@@ -189,20 +249,51 @@ contains
     class(dem_bed_type), intent(in) :: self
     integer(i8), intent(in) :: id
     integer(i4) :: copy(3), c
-    c = int((id - 1)/self%tile%n, i4)
+    associate (tile => self%tile(self%tile_of(id)))
+      c = int((id - tile%before - 1)/tile%rows%n, i4)
+    end associate
     copy(1) = mod(c, self%copies(1))
     copy(2) = mod(c/self%copies(1), self%copies(2))
     copy(3) = c/(self%copies(1)*self%copies(2))
   end function copy_of
 
-  !> Id of a row in a copy, 0 outside of the bed.
-  pure integer(i8) function id_of(self, row, copy) result(id)
+  !> Id of a row of a tile in a copy, 0 outside of the bed.
+  pure integer(i8) function id_of(self, tile, row, copy) result(id)
     class(dem_bed_type), intent(in) :: self
+    type(tile_type), intent(in) :: tile
     integer(i4), intent(in) :: row, copy(3)
     id = 0
     if (any(copy < 0 .or. copy >= self%copies)) return
-    id = row + int(self%tile%n, i8)*(copy(1) + self%copies(1)*(copy(2) + self%copies(2)*copy(3)))
+    id = tile%before + row + int(tile%rows%n, i8) &
+         *(copy(1) + self%copies(1)*(copy(2) + self%copies(2)*copy(3)))
   end function id_of
+
+  !> Ids of the grains of the same tile whose centres are nearer to that of a grain than a reach.
+  pure function near(self, id, reach) result(others)
+    class(dem_bed_type), intent(in) :: self
+    integer(i8), intent(in) :: id
+    real(wp), intent(in) :: reach  !! less than half of the cell [m]
+    integer(i8), allocatable :: others(:)
+    real(wp) :: apart(3), back(3, 3)
+    integer(i4) :: r, own, shift(3), n
+    integer(i8) :: found
+    associate (tile => self%tile(self%tile_of(id)))
+      allocate (others(tile%rows%n))
+      own = self%row_of_id(id)
+      back = inverse_of(tile%rows%cell)
+      n = 0
+      do r = 1, tile%rows%n
+        apart = tile%rows%x(:, r) - tile%rows%x(:, own)
+        shift = -nint(matmul(back, apart))
+        if (norm2(apart + matmul(tile%rows%cell, real(shift, wp))) > reach .or. r == own) cycle
+        found = self%id_of(tile, r, self%copy_of(id) + shift)
+        if (found == 0) cycle
+        n = n + 1
+        others(n) = found
+      end do
+      others = others(:n)
+    end associate
+  end function near
 
   !> Tangential forces of the tile's contacts between grains that wake (ids, rising) and those and
   !! others that are awake; of two that wake the state of the one with the lower id counts.
@@ -219,14 +310,14 @@ contains
     allocate (springs%ids(2, 16*size(ids)), springs%force(3, 16*size(ids)))
     do k = 1, size(ids)
       if (.not. present(waking)) then
-        call add_springs(self, d, ids, k, self%contacts, springs, m)
+        call add_springs(self, d, ids, k, self%tile(self%tile_of(ids(k)))%contacts, springs, m)
         cycle
       end if
       before = m
       if (waking%history(k) > 0) then
         call add_springs(self, d, ids, k, self%replays%kept(waking%history(k))%contacts, springs, m)
       else
-        call add_springs(self, d, ids, k, self%contacts, springs, m)
+        call add_springs(self, d, ids, k, self%tile(self%tile_of(ids(k)))%contacts, springs, m)
       end if
       turn = rotation_of(waking%turn(:, k))
       springs%force(:, before + 1:m) = matmul(turn, springs%force(:, before + 1:m))
@@ -248,12 +339,13 @@ contains
     integer(i4) :: c, r, end_of, shift(3)
     integer(i8) :: other
 
-    r = 1 + int(mod(ids(k) - 1, int(self%tile%n, i8)), i4)
+    r = self%row_of_id(ids(k))
     do c = contacts%start(r), contacts%start(r + 1) - 1
       associate (at => abs(contacts%contact(c)))
         end_of = merge(1, 2, contacts%contact(c) > 0)  ! this grain is the first, or the second
         shift = merge(1, -1, end_of == 1)*contacts%shift(:, at)
-        other = self%id_of(contacts%row(3 - end_of, at), self%copy_of(ids(k)) + shift)
+        other = self%id_of(self%tile(self%tile_of(ids(k))), contacts%row(3 - end_of, at), &
+                           self%copy_of(ids(k)) + shift)
         if (.not. joins(d, ids, other, ids(k))) cycle
         m = m + 1
         if (m > size(springs%ids, 2)) call more_room(springs)

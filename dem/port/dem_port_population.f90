@@ -7,16 +7,18 @@ module dem_port_population
   use talus_text, only: str, is_finite
   use talus_errors, only: error_list_type
   use talus_message, only: message_type
-  use talus_port_names, only: field_axes, field_exponent, field_force, field_history, field_id, &
-    field_ids, field_kind, field_knots, field_material, field_moved, field_omega, &
-    field_pressure, field_quat, field_skew, field_step_limit, field_steps, field_stress, &
-    field_stretch, field_substeps, field_tolerance, field_turn, field_unbalanced, field_v, field_x
+  use talus_port_names, only: field_axes, field_exponent, field_force, field_guest, &
+    field_history, field_id, field_ids, field_kind, field_knots, field_material, field_moved, &
+    field_omega, field_pressure, field_quat, field_skew, field_step_limit, field_steps, &
+    field_stress, field_stretch, field_substeps, field_tolerance, field_turn, field_unbalanced, &
+    field_v, field_x
   use talus_suggest, only: did_you_mean
   use dem_bed, only: waking_type
   use dem_entry, only: size_batch, make_entering, check_ids
   use dem_model, only: dem_model_type
   use talus_serve, only: limit_told
   use dem_packing, only: dem_packing_type
+  use dem_port_seam, only: fit_in
   use dem_records, only: index_of
   use dem_rest, only: rest_type
   use dem_start_springs, only: start_springs_type
@@ -42,6 +44,11 @@ contains
     call take_material(model, request, material, errors)
     if (.not. errors%any()) call take_waking(model, request, reply, material, waking, errors)
     if (.not. errors%any()) call take_batch(model, request, waking, batch, errors)
+    if (request%has(field_guest) .and. .not. errors%any()) then
+      call check_new(model, request, batch, errors)
+      if (.not. errors%any()) &
+        call fit_in(model, request, reply, material, batch, waking, errors)
+    end if
     if (.not. errors%any()) call take_springs(request, springs, errors)
     call request%all_read(errors)
     if (errors%any()) return
@@ -350,7 +357,7 @@ contains
     do i = 1, batch%n
       if (index_of(model%system%dem_data_type, real(batch%id(i), wp)) > 0) k = i
       if (batch%id(i) < 1) k = i
-      if (model%bed%active .and. batch%id(i) > model%bed%tile%n*product(model%bed%copies)) k = i
+      if (model%bed%active .and. batch%id(i) > model%bed%grains()) k = i
       if (i > 1) then
         if (batch%id(i) <= batch%id(i - 1)) k = i
       end if

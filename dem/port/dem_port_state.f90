@@ -5,12 +5,13 @@ module dem_port_state
   use talus_message, only: message_type
   use talus_port_names, only: can_advance, can_border, can_checkpoint, can_contact_weight, &
     can_force, can_kick_drift, can_load, can_mass_factor, can_population, can_pore, can_prescribe, &
-    can_rehearsal, can_reject, can_report, can_surface, field_axes, field_branch, &
-    field_capabilities, field_deck_hash, field_dt, field_force, field_gravity, field_id, &
-    field_ids, field_inertia, field_kind, field_mass, field_motion, field_names, field_normal, &
-    field_point, field_program, field_quat, field_radius, field_ranks, field_scalars, &
-    field_step_limit, field_stiffness, field_t_end, field_time, field_version, field_x, &
-    what_asleep, what_border, what_contacts, what_grains, what_group, what_groups, what_pore
+    can_rehearsal, can_reject, can_report, can_surface, field_axes, field_band, &
+    field_branch, field_capabilities, field_deck_hash, field_density, field_dt, field_force, &
+    field_gravity, field_id, field_ids, field_inertia, field_kind, field_mass, field_motion, &
+    field_names, field_normal, field_plastic, field_point, field_program, field_quat, &
+    field_radius, field_ranks, field_scalars, field_start, field_step_limit, field_stiffness, &
+    field_t_end, field_tile, field_time, field_version, field_x, what_asleep, what_border, &
+    what_contacts, what_grains, what_group, what_groups, what_pore
   use talus_scalars, only: scalar_kinetic, scalar_elastic, scalar_friction, scalar_plastic, &
     scalar_contact_damping, scalar_background_damping, scalar_curvature, &
     scalar_tangential_relaxation, scalar_boundary, scalar_gravity, scalar_momentum, &
@@ -19,9 +20,11 @@ module dem_port_state
   use talus_serve, only: limit_told
   use talus_version, only: version_text
   use dem_contacts, only: stiffness_on
+  use dem_library, only: density_of
   use dem_measure, only: momentum_of, angular_momentum_of
   use dem_packing, only: group_index
   use dem_parts, only: find_border
+  use dem_port_seam, only: band_of
   use dem_system, only: dem_system_type, dem_contacts_type
   use dem_model, only: dem_model_type, program_name
   use dem_surface_measure, only: vertex_stiffness
@@ -117,6 +120,7 @@ contains
     type(error_list_type), intent(inout) :: errors
     integer(i8), allocatable :: ids(:)
     real(wp), allocatable :: x(:, :)
+    integer(i4) :: k
     if (.not. model%bed%active) then
       call errors%add('P255', 'the grains have no tile: none are asleep', &
                       'exchange port, DESCRIBE', 'add &tile to '//model%deck%source%path)
@@ -125,6 +129,14 @@ contains
     call model%bed%list_asleep(model%system%dem_data_type, ids, x)
     call reply%put_int(field_id, ids)
     call reply%put(field_x, x)
+    associate (bed => model%bed)
+      if (size(bed%tile) == 1) return
+      call reply%put_int(field_tile, [(bed%tile_of(ids(k)), k=1, size(ids))])
+      call reply%put_int(field_start, bed%tile%before)
+      call reply%put(field_density, [(density_of(bed%tile(k)), k=1, size(bed%tile))])
+      call reply%put(field_plastic, bed%tile%plastic)
+      call reply%put(field_band, band_of(bed))
+    end associate
   end subroutine put_asleep
 
   subroutine put_grains(system, reply)

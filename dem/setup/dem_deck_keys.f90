@@ -2040,21 +2040,30 @@ contains
 
   subroutine group_tile(table)
     type(key_table_type), intent(inout) :: table
-    call table%add_group('tile', 5, &
+    call table%add_group('tile', 6, &
       'A bed of copies of one periodic pack, the tile, laid side by side, most of whose' &
       //' grains sleep until a partner at the port wakes them; the grains of the packing ' &
       //'are those that are awake at the start, made by `talus pack edit --repeat` from ' &
       //'the tile, so that the ids of copy (i, j, k) are row + N (i + n_x (j + n_y k)). ' &
-      //'Grains that wake have the places, shapes and tangential forces of the tile. For ' &
-      //'runs of talus-couple (D300).')
+      //'Grains that wake have the places, shapes and tangential forces of the tile. ' &
+      //'Several tiles stand for states of one material: each element wakes the one that ' &
+      //'is nearest to its own, ids of one tile follow those of the one before (D481, ' &
+      //'D482, I286 to I288). For runs of talus-couple (D300).', repeats=.true.)
     call table%add_key('file', 'file', '', &
       'Packing with a cell and contacts, at rest (I254): what a run with `&cell` leaves' &
       //' at its end, or `talus pack tile`.')
     call table%need()
-    call table%add_key('copies', 'integer', '', 'Copies along the edges of its cell.')
+    call table%add_key('copies', 'integer', '', &
+      'Copies along the edges of its cell; of several tiles those of the first count.')
     call table%need()
     call table%sized(3_i4, 3_i4)
     call table%bounds(min=1.0_wp)
+    call table%add_key('plastic_strain', 'real', '', &
+      'Of several tiles, the equivalent plastic strain that this one has gone through: ' &
+      //'0 as it was made; with its density what elements choose by.')
+    call table%preset('0.0')
+    call table%bounds(min=0.0_wp)
+    call table%magnitude(0.0_wp, 1000000000000000.0_wp)
     call table%add_key('replay_inertial', 'real', '', &
       'Inertial number at which a copy of the tile, in a periodic cell of its own, ' &
       //'follows the strain that the continuum had where its grains wake (`&adapt birth =' &

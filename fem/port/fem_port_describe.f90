@@ -6,16 +6,18 @@ module fem_port_describe
   use talus_message, only: message_type
   use talus_port_names, only: field_connectivity, field_couple_stress, field_element, field_id, &
     field_kind, field_law, field_mass_phi, field_mass_u, field_mean, field_micro_stress, &
-    field_micromorphic, field_moduli, field_names, field_node, field_polar, field_start, &
-    field_stress, field_tangent, field_weight, field_x, what_facets, what_group, what_groups, &
-    what_moduli, what_pore, what_quadrature
+    field_micromorphic, field_moduli, field_names, field_node, field_plastic, field_polar, &
+    field_start, field_stress, field_tangent, field_weight, field_x, what_facets, what_group, &
+    what_groups, what_moduli, what_pore, what_quadrature
   use fem_types, only: fem_mesh_type, group_volume, group_facet, group_node
   use fem_body, only: fem_body_type
   use fem_elastic, only: classical
+  use fem_law, only: at_plastic
   use fem_mesh, only: find_group, group_hint
   use fem_mm_motion, only: mm_motion_type, mm_force_type, elastic_tangent
   use fem_mm_report, only: uniform_limit
   use fem_port_pore, only: describe_wet
+  use fem_port_stress, only: can_begin_elements
   use fem_recover, only: point_stress, point_positions, point_weights
   implicit none
   private
@@ -201,6 +203,7 @@ contains
     call body%whole%collect_points(x)
     call body%whole%collect_points(weight)
     call body%whole%collect_points(stress)
+    if (can_begin_elements(body)) call describe_plastic(body, reply)
     call reply%put(field_x, x)
     call reply%put(field_weight, weight(1, :))
     if (body%elastic%components == classical) then
@@ -219,6 +222,27 @@ contains
       call reply%put_int(field_element, elements_of(body%elastic%point))
     end if
   end subroutine describe_points
+
+  !> Equivalent plastic strain of all points, of laws with a state.
+  subroutine describe_plastic(body, reply)
+    type(fem_body_type), intent(in) :: body
+    type(message_type), intent(inout) :: reply
+    real(wp), allocatable :: plastic(:, :)
+    integer(i4) :: k
+    allocate (plastic(1, body%elastic%points))
+    do k = 1, body%elastic%points
+      plastic(1, k) = equivalent(body%matter%accepted_state(at_plastic:at_plastic + 5, k))
+    end do
+    call body%whole%collect_points(plastic)
+    call reply%put(field_plastic, plastic(1, :))
+  end subroutine describe_plastic
+
+  !> Square root of 2/3 e:e, e the deviator of a strain with engineering shears.
+  pure real(wp) function equivalent(strain)
+    real(wp), intent(in) :: strain(6)
+    equivalent = sqrt(2.0_wp/3.0_wp*(sum((strain(:3) - sum(strain(:3))/3.0_wp)**2) &
+                                     + 0.5_wp*sum(strain(4:)**2)))
+  end function equivalent
 
   !> Element of each point.
   pure function elements_of(first) result(element)

@@ -5,7 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from talus.port import Message
-from talus.port_names import CAPABILITIES, CELLS, PROTOCOL, REPLIES, SET_REPLIES, VERBS, Field
+from talus.port_messages import REPLIES, SET_REPLIES
+from talus.port_names import CAPABILITIES, CELLS, PROTOCOL, VERBS, Field
 
 KINDS = {"f": "real", "i": "integer"}
 FAULT = (Field.ERROR_CODE, Field.ERROR_MESSAGE, Field.ERROR_PLACE, Field.ERROR_HINT)

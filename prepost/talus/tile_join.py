@@ -49,6 +49,7 @@ SIZES = (0.85, 0.93)  # of the grains before they have grown
 SOFT = 0.01  # of Young's modulus until then
 MAKING_ROOM = 5.0e-3  # of the time of a stage, for grains that are smaller than they will be
 PRESSED = "&limits initial_overlap = 1.0, overlap = 1.0 /\n"  # of grains that make room
+RESTS = ("1.0e-5", "1.0e-9"), ("1.0e-7", "1.0e-12")  # see Growth.settle
 LOST = ("friction", "contact_damping", "background_damping", "tangential_relaxation")
 MATERIAL = ("friction", "young", "poisson", "density")
 
@@ -245,15 +246,17 @@ class Growth:
         packing.groups = start.groups
         return with_contacts_of_held(packing, start, near)
 
-    def settle(self, start: Packing) -> Packing:
-        """Let all grains rest under the tiles' normal stresses, then in a cell at rest."""
+    def settle(self, start: Packing, parts: tuple = RESTS) -> Packing:
+        """Let all grains rest under the tiles' normal stresses, then in a cell at rest.
+
+        Each rest ends at an unbalanced force and a kinetic energy over the elastic (2, 2).
+        """
         friction = self.stamp.friction
         servo = "".join(
             STRESS.format(component=name, stress=float(p), rate=self.rate, tolerance="1.0e-3")
             for name, p in zip(("xx", "yy", "zz"), self.normal, strict=True)
         )
-        rests = [REST.format(unbalanced=u, energy=e)
-                 for u, e in (("1.0e-5", "1.0e-9"), ("1.0e-7", "1.0e-12"))]  # fmt: skip
+        rests = [REST.format(unbalanced=u, energy=e) for u, e in parts]
         end = self.run("hold", start, servo + rests[0], friction)
         return self.run("rest", end, rests[1], friction)
 
@@ -324,11 +327,11 @@ def join_tiles(
     return settled(growth, sides, grown)
 
 
-def settled(growth: Growth, sides: Sides, packing: Packing) -> Joined:
+def settled(growth: Growth, sides: Sides, packing: Packing, parts: tuple = RESTS) -> Joined:
     """Let all grains of a joined packing come to rest, and say what became of it."""
     second = packing.groups["second"]
     kept = solid_fraction(packing) * np.linalg.det(sides.cell) / volume_of(sides.tiles)
-    end = growth.settle(packing)
+    end = growth.settle(packing, parts)
     end.groups = {}
     end.v[:], end.omega[:] = 0.0, 0.0
     check_images(end)

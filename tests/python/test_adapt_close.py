@@ -85,12 +85,35 @@ def test_elements_that_yield_are_opened(tmp_path: Path) -> None:
     assert (folder / "coupled_audit.csv").read_bytes() == whole
 
 
-def test_a_solid_without_the_stress_of_the_bed_has_no_ratio(tmp_path: Path) -> None:
-    """D460."""
-    write(tmp_path, ", open_ratio = 1.0")
+def test_elements_that_flow_are_opened(tmp_path: Path) -> None:
+    """Those of ghosts beyond open_plastic, fewer the more of it is allowed; same bits anew."""
+    opened = {}
+    for name, limit in (("plain", 0.0), ("little", 1.0e-3), ("much", 1.0)):
+        folder = tmp_path / name
+        folder.mkdir()
+        write(folder, f", open_plastic = {limit}")
+        yields(folder, "drucker_prager")
+        push(folder)
+        done = run(folder)
+        assert done.returncode == 0, done.stderr
+        opened[name] = read_history(folder / "coupled_conversions.csv")["opened"]
+    assert opened["little"][0] == opened["plain"][0]  # nothing has flowed at the start
+    assert opened["little"][-1] > opened["plain"][-1]
+    assert np.array_equal(opened["much"], opened["plain"])
+    folder = tmp_path / "little"
+    whole = (folder / "coupled_audit.csv").read_bytes()
+    done = run(folder, f"--restart={sorted(folder.glob('coupled.[0-9]*.manifest'))[0].name}")
+    assert done.returncode == 0, done.stderr
+    assert (folder / "coupled_audit.csv").read_bytes() == whole
+
+
+@pytest.mark.parametrize("key", ["open_ratio", "open_plastic"])
+def test_a_solid_without_a_state_has_none(key: str, tmp_path: Path) -> None:
+    """D460: neither the stress of the bed nor a plastic strain."""
+    write(tmp_path, f", {key} = 1.0")
     done = run(tmp_path)
     assert done.returncode == 1
-    assert "error D460: open_ratio is given" in done.stdout + done.stderr
+    assert f"error D460: {key} is given" in done.stdout + done.stderr
 
 
 @pytest.mark.parametrize("contacts", ["step", "exchange"])

@@ -11,7 +11,7 @@ import pytest
 from port_decks import GRAINS, SOLID
 
 from talus import mesh as meshes
-from talus import port_names
+from talus import port_messages, port_names
 from talus.faults import FaultError
 from talus.port import Message, read_message, write_message
 from talus.programs import find_program
@@ -49,12 +49,12 @@ class Solver(Asker):
             self.roles[fields["set"]] = f"{self.side} {fields['role']}"
         reply = super().ask(verb, t0, t1, **fields)
         assert reply.status == 0, reply.fields
-        table = list(port_names.REPLIES[verb])
+        table = list(port_messages.REPLIES[verb])
         if verb == "DESCRIBE":
-            table += port_names.REPLIES[f"DESCRIBE {fields['what']}"]
+            table += port_messages.REPLIES[f"DESCRIBE {fields['what']}"]
         known = {name: rest for name, *rest in table if rest[2] in ("both", self.side)}
         for name, role in self.roles.items():
-            for member, *rest in port_names.SET_REPLIES[role]:
+            for member, *rest in port_messages.SET_REPLIES[role]:
                 known[f"{name}.{member}"] = [*rest[:3], False]
         for name, (kind, shape, _, _) in known.items():
             if name not in reply.fields:
@@ -93,7 +93,7 @@ def members(reply: Message, name: str) -> set[str]:
 
 def required(role: str) -> set[str]:
     """Return the fields that port.toml wants of a set in replies."""
-    return {name for name, _, _, _, needed in port_names.SET_REPLIES[role] if needed}
+    return {name for name, _, _, _, needed in port_messages.SET_REPLIES[role] if needed}
 
 
 def test_grains_reply_what_is_documented(folder: Path) -> None:
@@ -150,7 +150,8 @@ def test_solid_replies_what_is_documented(kind: str, folder: Path) -> None:
         solver.ask("SELECT", set="top", role="prescribe", id=[5, 6, 7, 8], fields=fields)
         solver.ask("SELECT", set="base", role="report", id=[1, 2], fields=fields)
         reply = solver.ask("READY")
-        rest = {name for name, *_ in port_names.SET_REPLIES["solid report"]} - {"force", "moment"}
+        every = {name for name, *_ in port_messages.SET_REPLIES["solid report"]}
+        rest = every - {"force", "moment"}
         if not polar:
             rest = {name for name in rest if not name.startswith("phi")}
         assert members(reply, "base") == rest

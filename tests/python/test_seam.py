@@ -10,6 +10,7 @@ import pytest
 
 from talus.cli import main
 from talus.faults import FaultError
+from talus.images import shifts_of
 from talus.packing import read_packing
 from talus.seam import MOST_DEPTH, Band, cut_at, depths, mosaic, overlapped, overlaps, squares
 from talus.tile_check import tile_facts
@@ -17,7 +18,7 @@ from talus.tile_join import assemble, band_of, check_pair, lay_out
 from talus.tile_stamp import branches, read_stamp, solid_fraction
 
 SPHERES = ["--count", "300", "--axes", "1e-3", "1e-3", "1e-3", "--spread", "0.2"]
-MADE = ["--stress", "20e3", "--young", "2.9e8", "--making-friction", "0.15", "--least-edges", "4"]
+MADE = ["--stress", "100e3", "--young", "2.9e9", "--making-friction", "0.15", "--least-edges", "4"]
 BOX = ["--edge", "0.025", "--aspect", "2", "1", "1"]
 
 
@@ -74,11 +75,11 @@ def test_the_cut_is_the_best_of_all_sets(price: float) -> None:
 
 def test_the_volume_is_kept() -> None:
     """The price is such that the volume wanted stays, to a grain; less of it overlaps than at 0."""
-    band = random_band(np.random.default_rng(2), (200, 200), 900)
+    band = random_band(np.random.default_rng(2), (200, 200), 200)
     total = sum(w.sum() for w in band.weight)
-    stay = mosaic(band, 0.58 * total)
+    stay = mosaic(band, 0.85 * total)
     kept = sum(float(w[s].sum()) for w, s in zip(band.weight, stay, strict=True))
-    assert kept / total == pytest.approx(0.58, abs=2.0 / 400)
+    assert kept / total == pytest.approx(0.85, abs=2.0 / 400)
     assert overlapped(band, stay) < 0.5 * overlapped(band, cut_at(band, 0.0))
 
 
@@ -103,11 +104,17 @@ def test_a_tile_beside_itself_is_the_repeated_one(axis: int, made: Path) -> None
     times = np.ones(3, int)
     times[axis] = 2
     whole = tile.repeated(tuple(times))
-    assert joined.count == whole.count and len(joined.pairs) == len(whole.pairs)
+    assert joined.count == whole.count
+    inside = (np.diff((whole.pairs > tile.count).astype(int), axis=1) == 0)[:, 0]
+    inside &= shifts_of(whole)[:, axis] == 0  # those between both halves begin anew
+    assert len(joined.pairs) == inside.sum() < len(whole.pairs)
     assert solid_fraction(joined) == pytest.approx(solid_fraction(whole), rel=1e-12)
-    size = [np.sort(np.linalg.norm(p.tangential, axis=1)) for p in (joined, whole)]
+    size = [np.sort(np.linalg.norm(part, axis=1))
+            for part in (joined.tangential, whole.tangential[inside])]  # fmt: skip
     assert np.allclose(*size, rtol=1e-12)
-    assert np.allclose(*(np.sort(np.linalg.norm(branches(p), axis=1)) for p in (joined, whole)))
+    long = [np.sort(np.linalg.norm(part, axis=1))
+            for part in (branches(joined), branches(whole)[inside])]  # fmt: skip
+    assert np.allclose(*long)
 
 
 def test_join(made: Path, capsys: pytest.CaptureFixture) -> None:
@@ -123,7 +130,7 @@ def test_join(made: Path, capsys: pytest.CaptureFixture) -> None:
     assert joined.cell.diagonal() == pytest.approx([0.05, 0.0125, 0.0125], rel=2e-3)
     assert facts["energy lost / elastic"] < 0.3
     assert facts["coordination number / mean of both"] > 0.9
-    assert np.diag(stamp.stress) == pytest.approx(np.full(3, 20e3), rel=0.01)
+    assert np.diag(stamp.stress) == pytest.approx(np.full(3, 100e3), rel=0.01)
     assert tile_facts(joined, stamp)["unbalanced over mean contact force"] < 1e-6
 
 

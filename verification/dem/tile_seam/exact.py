@@ -20,6 +20,8 @@ STRESS, SEEDS, AXIS = 100e3, (1, 2), 0
 STRAIN = 1e-4  # at which the shear modulus is measured
 SLOW = 1e-4  # inertial number of that strain
 NEAR, OFF = (0.0, 1.5), (3.0, 4.6)  # distances from a plane, in mean diameters
+# grains in the voids of a hard cut roll on: it rests less well than packs do
+RESTS_OF_THE_CUT = ("1.0e-3", "1.0e-5"), ("1.0e-3", "1.0e-5")
 CARRY = """&cell_rate component = 'xx', rate = {rates[0]:.9g} /
 &cell_rate component = 'yy', rate = {rates[1]:.9g} /
 &cell_rate component = 'zz', rate = {rates[2]:.9g} /
@@ -66,7 +68,7 @@ def hard_cut(folder: Path, tiles: tuple[Packing, Packing], stamps: tuple[Stamp, 
                   for rows, own in zip((band.first, band.second), stay, strict=True)]  # fmt: skip
         side = int(counts[1].max() > counts[0].max())
         stay[side][counts[side].argmax()] = False
-    return settled(Growth(folder, stamps), sides, assemble(sides, stay))
+    return settled(Growth(folder, stamps), sides, assemble(sides, stay), RESTS_OF_THE_CUT)
 
 
 def facts_of(case: Case, name: str, joined: Joined, packs: dict) -> dict[str, float]:
