@@ -320,9 +320,12 @@ function drawQuick({ resolution, share, exact }) {
   const view = projection(w, h), list = f.count ? quickGrains(cut, share) : [];
   resize(w, h);
   begin(null, w, h, true);
-  if (exact && !shown.grains?.plain || 2 * shown.grains?.largest * view.pixel > LARGEST) {
-    setIndices(indices.quick, cornersOf(list));
-    drawGrains(indices.quick, 0, list.length, view, cut);
-  } else if (list.length) drawPoints(list, view, cut);
+  if (list.length) {
+    const { plain, largest } = shown.grains;
+    if ((exact && !plain) || 2 * largest * view.pixel > LARGEST) {
+      setIndices(indices.quick, cornersOf(list));
+      drawGrains(indices.quick, 0, list.length, view, cut);
+    } else drawPoints(list, view, cut);
+  }
   drawOthers(f, view, cut, share);
 }
