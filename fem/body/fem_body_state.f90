@@ -40,10 +40,13 @@ module fem_body_state
     type(fem_leap_type) :: leap_work             !! of undamped explicit steps
     type(fem_limit_type) :: limit                !! largest stable step
     real(wp) :: residual = 0.0_wp                !! largest of implicit steps [-]
+    logical :: lean = .false.                    !! read to be dealt out: few arrays are there
     type(fem_state_type) :: state, accepted
     type(fem_energy_type) :: energy, accepted_energy
   contains
     procedure :: allocate_state
+    procedure :: allocate_rest
+    procedure :: drop_state
     procedure :: impose
     procedure :: push
     procedure :: check_finite
@@ -61,23 +64,53 @@ module fem_body_state
 
 contains
 
-  !> Arrays of the state and loads for the numbered fields, all zero.
+  !> Arrays of the state and loads for the numbered fields, all zero; those alone that the deck
+  !! fills where the body is read to be dealt out.
   subroutine allocate_state(self)
     class(fem_body_state_type), intent(inout) :: self
     integer(i4) :: n
     n = self%dofs%blocks
-    allocate (self%state%u(3, n), self%state%v(3, n), self%state%a(3, n), source=0.0_wp)
+    allocate (self%state%u(3, n), self%state%v(3, n), source=0.0_wp)
+    allocate (self%port%given_u(3, n), source=0.0_wp)
+    allocate (self%supports%held(3, n), self%port%prescribed(3, n), source=.false.)
+    if (self%lean) then
+      self%accepted = self%state
+    else
+      call self%allocate_rest()
+    end if
+  end subroutine allocate_state
+
+  !> The others.
+  subroutine allocate_rest(self)
+    class(fem_body_state_type), intent(inout) :: self
+    integer(i4) :: n
+    self%lean = .false.
+    n = self%dofs%blocks
+    allocate (self%state%a(3, n), source=0.0_wp)
     allocate (self%state%external(3, n), self%state%reaction(3, n), source=0.0_wp)
     allocate (self%state%tie(3, n), self%state%viscous(3, n), source=0.0_wp)
     allocate (self%port%given_v(3, n), source=0.0_wp)
-    allocate (self%port%given_u(3, n), self%port%port_load(3, n), self%port%dead_load(3, n), &
-      source=0.0_wp)
+    allocate (self%port%port_load(3, n), self%port%dead_load(3, n), source=0.0_wp)
     allocate (self%system%weight_force(3, n), self%system%initial_force(3, n), source=0.0_wp)
-    allocate (self%supports%held(3, n), self%port%prescribed(3, n), source=.false.)
     allocate (self%port%mass_factor(n), source=1.0_wp)
     allocate (self%port%answering(n), source=.false.)
-    self%accepted = self%state
-  end subroutine allocate_state
+    if (allocated(self%accepted%u)) then  ! as the deck has filled it
+      self%accepted%a = self%state%a
+      self%accepted%external = self%state%external
+      self%accepted%reaction = self%state%reaction
+      self%accepted%tie = self%state%tie
+      self%accepted%viscous = self%state%viscous
+    else
+      self%accepted = self%state
+    end if
+  end subroutine allocate_rest
+
+  !> Without what a body that is read to be dealt out has of them.
+  subroutine drop_state(self)
+    class(fem_body_state_type), intent(inout) :: self
+    deallocate (self%state%u, self%state%v, self%accepted%u, self%accepted%v)
+    deallocate (self%port%given_u, self%port%prescribed, self%supports%held)
+  end subroutine drop_state
 
   !> Put prescribed displacements at time t into u.
   subroutine impose(self, t, u)

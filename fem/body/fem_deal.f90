@@ -65,6 +65,7 @@ contains
     integer(i4), allocatable :: part(:), next(:)
     integer(i4) :: r, n, m
 
+    call body%drop_state()
     call part_elements(body%mesh, body%elastic, ranks%ranks, part)
     call find_holders(body%mesh, body%dofs, part, ranks%ranks, holders)
     call count_whole(body, whole)

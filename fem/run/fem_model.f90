@@ -135,6 +135,7 @@ contains
     dealt = merge(1, 0, may_be_dealt(self%deck, self%served))
     if (dealt(1) > 0) then
       if (self%ranks%leads()) then
+        self%body%lean = .true.
         call read_whole(self, errors)
         if (.not. errors%any()) call choose_solver(self%deck, self%body, self%analysis, &
           self%served, self%auto_solver)
@@ -150,6 +151,7 @@ contains
     end if
     if (.not. allocated(self%analysis)) call read_whole(self, errors)
     if (errors%any()) return
+    if (self%body%lean) call self%body%allocate_rest()
     call choose_solver(self%deck, self%body, self%analysis, self%served, self%auto_solver)
     call refuse_ranks(self, errors)
     if (.not. errors%any()) call share_out(self%body, self%ranks, errors)

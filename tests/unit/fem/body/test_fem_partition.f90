@@ -5,12 +5,13 @@ program test_fem_partition
   use talus_test, only: test_type
   use fem_dofs, only: fem_dofs_type, number_fields
   use fem_elastic, only: fem_elastic_type
-  use fem_kinds, only: hex8
+  use fem_kinds, only: hex8, quad4
   use fem_partition, only: part_elements, make_halo
+  use fem_pieces, only: fem_piece_type, fem_holders_type, find_holders, make_piece
   use fem_halo, only: fem_halo_type
   use fem_sparse, only: fem_pattern_type, make_pattern, holders_of
   use fem_topology, only: set_elements
-  use fem_types, only: fem_mesh_type, fem_springs_type
+  use fem_types, only: fem_mesh_type, fem_springs_type, group_node, group_facet
   implicit none
   type(test_type) :: test
 
@@ -85,7 +86,86 @@ contains
     end do
     call test%check('one owner each', all(owners == 1))
     call neighbours(dofs, part, halo)
+    call pieces(mesh, part, ranks)
   end subroutine parts
+
+  !> Pieces that are dealt out: together the mesh and its groups, each node with one owner; what two
+  !! share they list in the same order of the same nodes.
+  subroutine pieces(mesh, part, ranks)
+    type(fem_mesh_type), intent(inout) :: mesh
+    integer(i4), intent(in) :: part(:), ranks
+    type(fem_dofs_type) :: dofs
+    type(fem_holders_type) :: holders
+    type(fem_piece_type) :: piece(0:ranks - 1)
+    integer(i4) :: owners(mesh%nodes), elements(mesh%elements), r, k, c, facets
+    logical :: same
+    call add_groups(mesh)
+    call number_fields(mesh, spread(0_i4, 1, mesh%elements), dofs)
+    call find_holders(mesh, dofs, part, ranks, holders)
+    owners = 0
+    elements = 0
+    facets = 0
+    same = .true.
+    do r = 0, ranks - 1
+      call make_piece(mesh, holders, r, piece(r))
+      associate (own => piece(r)%mesh, halo => piece(r)%halo)
+        owners(own%number) = owners(own%number) + merge(1, 0, halo%mine)
+        elements(piece(r)%element) = elements(piece(r)%element) + 1
+        same = same .and. all(abs(own%x - mesh%x(:, own%number)) <= 0.0_wp) .and. &
+          all(own%number(own%node) == [(mesh%node(mesh%start(piece(r)%element(k)): &
+            mesh%start(piece(r)%element(k)) + 7), k=1, own%elements)])
+        same = same .and. size(halo%own) == halo%first_own(r + 1) - halo%first_own(r)
+        same = same .and. all(own%number(own%group(1)%node) == pack(own%number, own%number <= 9))
+        facets = facets + size(own%group(2)%facet, 2)
+        do k = 1, size(own%group(2)%facet, 2)
+          same = same .and. all([(any(own%node(own%start(own%group(2)%element(k)): &
+            own%start(own%group(2)%element(k)) + 7) == own%group(2)%facet(c, k)), c=1, 4)])
+        end do
+      end associate
+    end do
+    call test%check('one owner of each node in pieces', all(owners == 1))
+    call test%check('each element once', all(elements == 1))
+    call test%check('each facet once', facets == size(mesh%group(2)%facet, 2))
+    call test%check('places, nodes, groups', same)
+    call common_nodes(piece)
+  end subroutine pieces
+
+  subroutine common_nodes(piece)
+    type(fem_piece_type), intent(in) :: piece(0:)
+    integer(i4) :: a, b
+    logical :: same
+    same = .true.
+    do a = 0, ubound(piece, 1)
+      do b = 0, a - 1
+        associate (mine => piece(a)%halo%shared(piece(a)%halo%first(b): &
+                                                piece(a)%halo%first(b + 1) - 1), &
+                   others => piece(b)%halo%shared(piece(b)%halo%first(a): &
+                                                  piece(b)%halo%first(a + 1) - 1))
+          same = same .and. size(mine) == size(others)
+          if (same) same = all(piece(a)%mesh%number(mine) == piece(b)%mesh%number(others)) .and. &
+            all(piece(a)%halo%owner(mine) == piece(b)%halo%owner(others))
+        end associate
+      end do
+    end do
+    call test%check('the same nodes in common', same)
+  end subroutine common_nodes
+
+  !> The first nine nodes, and the lower faces of the elements on the floor.
+  subroutine add_groups(mesh)
+    type(fem_mesh_type), intent(inout) :: mesh
+    integer(i4) :: e
+    allocate (mesh%group(2))
+    mesh%group(1)%name = 'nodes'
+    mesh%group(1)%kind = group_node
+    mesh%group(1)%node = [(e, e=1, 9)]
+    mesh%group(2)%name = 'floor'
+    mesh%group(2)%kind = group_facet
+    mesh%group(2)%element = pack([(e, e=1, mesh%elements)], &
+      [(mesh%x(3, mesh%node(mesh%start(e))) <= 0.0_wp, e=1, mesh%elements)])
+    mesh%group(2)%facet = mesh%hex8(:4, mesh%group(2)%element)
+    mesh%group(2)%facet_kind = spread(quad4, 1, size(mesh%group(2)%element))
+    mesh%group(2)%node = pack([(e, e=1, mesh%nodes)], mesh%x(3, :) <= 0.0_wp)
+  end subroutine add_groups
 
   !> What two ranks share they list in the same order, and both have it.
   subroutine neighbours(dofs, part, halo)
