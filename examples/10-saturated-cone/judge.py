@@ -63,10 +63,50 @@ def table(found: dict[str, tuple[float, float]]) -> list[str]:
         line = f"{name:18s} {1e-3 * contacts:8.0f} {1e-3 * liquid:7.0f} {1e-3 * (contacts + liquid):7.0f}"
         share = drained(found, name)
         lines.append(line if share is None else f"{line} {share:22.2f}")
+    lines += averages(found)
     for name in sorted({name.rsplit("_", 1)[0] for name in found}):
+        lines += sheared(name)
         lines += [f"{name}: " + ", ".join(f"{k} {v:.4g}" for k, v in
                   json.loads(Path(f"{name}.json").read_text()).items())]  # fmt: skip
     return lines
+
+
+def averages(found: dict[str, tuple[float, float]]) -> list[str]:
+    """Return lines of means and standard errors over the seeds, and of ratios to the dry bed."""
+    lines = ["over the seeds: mean, standard error, number  [kPa]; the same of q over q of the dry bed"]
+    for density in MAKING:
+        for kind in KINDS:
+            names = [n for n in found if n.startswith(density) and n.endswith("_" + kind)]
+            whole = [1e-3 * sum(found[n]) for n in names]
+            shares = [sum(found[n]) / sum(found[dry]) for n in names
+                      if (dry := n.removesuffix(kind) + "dry") in found]  # fmt: skip
+            if whole:
+                lines.append(f"{density} {kind:10s}" + mean_of(whole, "8.0") + mean_of(shares, "8.3"))
+    return lines
+
+
+def mean_of(values: list[float], form: str) -> str:
+    """Return mean, standard error and number of values."""
+    if not values:
+        return ""
+    spread = np.std(values, ddof=1) / len(values) ** 0.5 if len(values) > 1 else np.nan
+    return f" {np.mean(values):{form}f} {spread:{form}f} {len(values):3d}"
+
+
+def sheared(name: str) -> list[str]:
+    """Return a line on the element test of a specimen: its mean effective stress."""
+    path = Path(f"{name}_shear_walls.csv")
+    if not path.exists():
+        return []
+    walls = read_history(path)
+    of = [{key: v[walls["wall"] == k] for key, v in walls.items()} for k in range(1, 7)]
+    length = [of[2 * k + 1][axis] - of[2 * k][axis] for k, axis in enumerate("xyz")]
+    volume = length[0] * length[1] * length[2]
+    force = [np.abs(of[2 * k][f"force_{a}"]) + np.abs(of[2 * k + 1][f"force_{a}"])
+             for k, a in enumerate("xyz")]  # fmt: skip
+    mean = sum(0.5 * f * x / volume for f, x in zip(force, length, strict=True)) / 3.0
+    return [f"{name}: mean stress at constant volume {1e-3 * mean[0]:.0f} kPa, least "
+            f"{1e-3 * mean.min():.0f}, at the end {1e-3 * mean[-1]:.0f}"]  # fmt: skip
 
 
 def drained(found: dict[str, tuple[float, float]], name: str) -> float | None:
@@ -94,7 +134,7 @@ def draw(found: dict[str, tuple[float, float]], seeds: list[str]) -> None:
             ax.plot(depth, 1e-6 * smooth(contacts + liquid), color=f"C{k}", label=label)
             if kind != "dry":
                 ax.plot(depth, 1e-6 * smooth(liquid), color=f"C{k}", lw=0.8, ls=":")
-        ax.set(title=f"{density} (dotted: liquid alone)", xlim=(0.0, WAYS[density] / CONE),
+        ax.set(title=f"{density}, seed {seeds[0]} (dotted: liquid alone)", xlim=(0.0, WAYS[density] / CONE),
                xlabel="depth / diameter of the cone", ylabel="force on the tip / area [MPa]")  # fmt: skip
         ax.legend(fontsize=8)
     for k, density in enumerate(MAKING):

@@ -1,6 +1,6 @@
 """Specimens and decks of the saturated cone.
 
-Usage: prepare.py cloud SEED; prepare.py settle NAME; prepare.py oedometer NAME; prepare.py pushes
+Usage: prepare.py cloud SEED; prepare.py settle NAME; prepare.py elements NAME; prepare.py pushes
 NAME, in the folder of the run; NAME is dense_1, loose_1, ...
 """
 
@@ -21,11 +21,13 @@ MAKING = {"dense": 0.02, "loose": 1.0}  # friction between grains while they are
 CONE, SPEED = 6.0e-3, 0.18  # diameter [m], [m/s]
 WAYS = {"dense": 6.0e-3, "loose": 9.0e-3}  # [m]
 START, REST = 2.0e-4, 1.5e-3  # of the tip above the lid [m], until it moves in the mean [s]
+SHORTENED = 0.2  # strain of the element test
 VISCOSITY = 1.0e-3  # [Pa s]
 FIELDS = Path(__file__).parent  # of the decks
 SPEEDS = {"v0.01": 0.01, "v0.3": 0.3, "v3": 3.0, "v30": 30.0, "v1000": 1000.0}  # v d / c_v
 KINDS = ["dry", "sealed", "cavitated", *SPEEDS]
-DRAINS = "".join(f"&drain     side = '{side}', pressure = 0.0 /\n" for side in ("x0", "x1", "y0", "y1"))
+DRAINS = "".join(f"&drain     side = '{side}', pressure = 0.0, layer = {RADIUS} /\n"
+                 for side in ("x0", "x1", "y0", "y1"))  # fmt: skip
 NEVER, BOILS = 1.0e9, 1.0e5  # tension at which the liquid parts, where it does not and where it does [Pa]
 LIQUID = """
 &fluid     id = 'water', density = 1000.0, viscosity = 1.0e-3, bulk_modulus = 2.2e8 /
@@ -73,9 +75,12 @@ def write_settle(name: str) -> None:
     fill("settle", f"{name}_settle", words)
 
 
-def write_oedometer(name: str) -> None:
-    """Write the deck for the stiffness of a specimen."""
+def write_elements(name: str) -> None:
+    """Write the decks for stiffness and shear of a specimen, the latter at the rate of the cone."""
     fill("oedometer", f"{name}_oedometer", walls_of(name))
+    rate = SPEED / CONE
+    words = {"SINK": f"{rate * edges(name)[2]:.6g}", "T_END": f"{5.0e-4 + SHORTENED / rate:.6g}"}
+    fill("shear", f"{name}_shear", words | walls_of(name))
 
 
 def stiffness(name: str) -> float:
@@ -113,6 +118,8 @@ def write_pushes(name: str) -> None:
         "TIP": f"{0.5 * east}, {0.5 * north}, {top + START}",
         "AREA": f"{east * north - 0.25 * np.pi * CONE**2}",
         "T_END": f"{REST + (START + WAYS[name.split('_')[0]]) / SPEED}",
+        "SPEED": f"{SPEED}",
+        "OFTEN": f"{4.5e-5 / SPEED:.6g}",
     }
     for kind in KINDS:
         wet = "" if kind == "dry" else liquid(kind, name)
@@ -126,5 +133,5 @@ def write_pushes(name: str) -> None:
 
 
 if __name__ == "__main__":
-    stages = {"cloud": make_clouds, "settle": write_settle, "oedometer": write_oedometer, "pushes": write_pushes}
+    stages = {"cloud": make_clouds, "settle": write_settle, "elements": write_elements, "pushes": write_pushes}
     stages[sys.argv[1]](sys.argv[2])

@@ -23,8 +23,9 @@ for seed in $seeds; do
     alone "${name}_press"
     stage "${name}_deck" "$python" "$here/prepare.py" settle "$name"
     alone "${name}_settle"
-    stage "${name}_decks" "$python" "$here/prepare.py" oedometer "$name"
+    stage "${name}_decks" "$python" "$here/prepare.py" elements "$name"
     alone "${name}_oedometer"
+    alone "${name}_shear"
     stage "${name}_pushes" "$python" "$here/prepare.py" pushes "$name"
   done
 done
