@@ -3,8 +3,9 @@
 Beside each of the two planes where they meet both tiles go on into each other in a band, and a
 minimum cut says which grains stay (talus.seam). Grains near the planes then grow from a smaller
 size among the others, which are held: soft first, with the friction of the tiles' making, since
-grains without friction carry nothing at the density of a pack that has some. At last all are free,
-with the true friction, under the tiles' stresses.
+grains without friction carry nothing at the density of a pack that has some. They grow a little
+beyond their size until they bear the tiles' pressure: else they give way when all are free, with
+the true friction, under the tiles' stresses, and the lateral stress at the planes is lost.
 """
 
 from collections.abc import Callable
@@ -16,6 +17,7 @@ import numpy as np
 from talus.faults import FaultError
 from talus.files import make_folder
 from talus.forms import volumes
+from talus.images import nearest_shifts
 from talus.packing import FIXED, FREE, Packing, read_packing, write_h5
 from talus.seam import Band, depths, mosaic, overlapped, squares
 from talus.tile import (
@@ -47,6 +49,7 @@ ALIKE = 0.02  # part of the mean stress by which normal stresses of the tiles ma
 BAND, REACH = 3.0, 2.5  # in mean diameters: width of the band, from a plane to where grains grow
 SIZES = (0.85, 0.93)  # of the grains before they have grown
 SOFT = 0.01  # of Young's modulus until then
+FARTHER, MOST_FARTHER = 2.5e-4, 8  # of their size beyond it, in so many stages at most
 MAKING_ROOM = 5.0e-3  # of the time of a stage, for grains that are smaller than they will be
 PRESSED = "&limits initial_overlap = 1.0, overlap = 1.0 /\n"  # of grains that make room
 RESTS = ("1.0e-5", "1.0e-9"), ("1.0e-7", "1.0e-12")  # see Growth.settle
@@ -242,9 +245,28 @@ class Growth:
             name = f"grow_{number}"
             ended = self.run(name, packing, groups + PRESSED, self.making, stiff, share)
             packing = ended.take(rows_of(ended, start.id))
+        for more in range(1, MOST_FARTHER + 1):
+            if self.pressure(name, packing, near) >= self.normal.mean():
+                break
+            packing.axes = axes * np.where(near, 1.0 + more * FARTHER, 1.0)[:, None]
+            packing.kind = kind
+            name = f"farther_{more}"
+            ended = self.run(name, packing, last + PRESSED, self.making)
+            packing = ended.take(rows_of(ended, start.id))
         packing.kind = np.full(packing.count, FREE, np.int32)
         packing.groups = start.groups
         return with_contacts_of_held(packing, start, near)
+
+    def pressure(self, name: str, packing: Packing, near: np.ndarray) -> float:
+        """Pressure that the grains of a mask bear at the end of a stage [Pa]. eq. D.99."""
+        contacts = field_steps(self.folder / f"{name}.h5")[-1].contacts
+        rows = rows_of(packing, contacts["ids"])
+        branch = packing.x[rows[:, 1]] - packing.x[rows[:, 0]]
+        branch += nearest_shifts(branch, packing.cell) @ packing.cell
+        ends = 0.5 * near[rows].sum(axis=1)
+        work = (ends * (contacts["force"] * branch).sum(axis=1)).sum()
+        solid = volumes(packing.axes, packing.skew, packing.exponent)[near].sum()
+        return float(work * self.stamp.solid_fraction / (3.0 * solid))
 
     def settle(self, start: Packing, parts: tuple = RESTS) -> Packing:
         """Let all grains rest under the tiles' normal stresses, then in a cell at rest.
