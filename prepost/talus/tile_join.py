@@ -4,8 +4,9 @@ Beside each of the two planes where they meet both tiles go on into each other i
 minimum cut says which grains stay (talus.seam). Grains near the planes then grow from a smaller
 size among the others, which are held: soft first, with the friction of the tiles' making, since
 grains without friction carry nothing at the density of a pack that has some. They grow a little
-beyond their size until they bear the tiles' pressure: else they give way when all are free, with
-the true friction, under the tiles' stresses, and the lateral stress at the planes is lost.
+beyond their size, or shrink below it, until they bear the tiles' pressure: else they give way when
+all are free, with the true friction, under the tiles' stresses, and the lateral stress at the
+planes is lost.
 """
 
 from collections.abc import Callable
@@ -245,10 +246,11 @@ class Growth:
             name = f"grow_{number}"
             ended = self.run(name, packing, groups + PRESSED, self.making, stiff, share)
             packing = ended.take(rows_of(ended, start.id))
+        way = np.sign(self.normal.mean() - self.pressure(name, packing, near))
         for more in range(1, MOST_FARTHER + 1):
-            if self.pressure(name, packing, near) >= self.normal.mean():
+            if way * (self.normal.mean() - self.pressure(name, packing, near)) <= 0.0:
                 break
-            packing.axes = axes * np.where(near, 1.0 + more * FARTHER, 1.0)[:, None]
+            packing.axes = axes * np.where(near, 1.0 + way * more * FARTHER, 1.0)[:, None]
             packing.kind = kind
             name = f"farther_{more}"
             ended = self.run(name, packing, last + PRESSED, self.making)

@@ -128,7 +128,7 @@ def test_join(made: Path, capsys: pytest.CaptureFixture) -> None:
     mean = np.mean([solid_fraction(tile) for tile in tiles])
     assert solid_fraction(joined) == pytest.approx(mean, rel=0.01)
     assert joined.cell.diagonal() == pytest.approx([0.05, 0.0125, 0.0125], rel=2e-3)
-    assert facts["energy lost / elastic"] < 0.3
+    assert facts["energy lost / elastic"] < 0.6  # half of so few grains are beside a seam
     assert facts["coordination number / mean of both"] > 0.9
     assert np.diag(stamp.stress) == pytest.approx(np.full(3, 100e3), rel=0.01)
     assert tile_facts(joined, stamp)["unbalanced over mean contact force"] < 1e-6
