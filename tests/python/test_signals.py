@@ -29,8 +29,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def started(folder: Path, **options: object) -> subprocess.Popen:
-    """Start talus-dem on the deck."""
+    """Start talus-dem on the deck; a nohup before the tests themselves does not count."""
     command = [find_program("talus-dem"), "deck.nml", "--threads=1"]
+    options.setdefault("preexec_fn", lambda: signal.signal(signal.SIGHUP, signal.SIG_DFL))
     return subprocess.Popen(command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
                             text=True, **options)  # fmt: skip
 
