@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_tiles import take_tile
 
 from talus.checksum import edited
 from talus.cli import main
@@ -17,9 +18,6 @@ from talus.images import shifts_of
 from talus.packing import FIXED, Packing, make_packing, read_h5
 from talus.tile_stamp import Forces, branches, read_stamp
 
-TILE = ["--count", "200", "--axes", "1e-3", "1e-3", "1e-3", "--spread", "0.2", "--stress", "100",
-        "--seed", "5", "--making-friction", "0.1", "--young", "2.9e7", "--edge", "0.02",
-        "--least-edges", "5"]  # fmt: skip
 HEIGHT, SURCHARGE = 0.045, 100.0
 
 
@@ -27,7 +25,7 @@ HEIGHT, SURCHARGE = 0.045, 100.0
 def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with a tile and its column."""
     folder = tmp_path_factory.mktemp("column")
-    assert main(["pack", "tile", *TILE, "-o", str(folder / "tile.h5")]) == 0
+    take_tile("column", folder / "tile.h5")
     words = ["--height", str(HEIGHT), "--surcharge", str(SURCHARGE)]
     name = str(folder / "column.h5")
     assert main(["pack", "column", str(folder / "tile.h5"), *words, "-o", name]) == 0

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from kept_tiles import take_tile
 
 from talus.cli import main
 from talus.faults import FaultError
@@ -16,10 +17,6 @@ from talus.seam import MOST_DEPTH, Band, cut_at, depths, mosaic, overlapped, ove
 from talus.tile_check import tile_facts
 from talus.tile_join import assemble, band_of, check_pair, lay_out
 from talus.tile_stamp import branches, read_stamp, solid_fraction
-
-SPHERES = ["--count", "300", "--axes", "1e-3", "1e-3", "1e-3", "--spread", "0.2"]
-MADE = ["--stress", "100e3", "--young", "2.9e9", "--making-friction", "0.15", "--least-edges", "4"]
-BOX = ["--edge", "0.025", "--aspect", "2", "1", "1"]
 
 
 def random_band(rng: np.random.Generator, counts: tuple[int, int], pairs: int) -> Band:
@@ -88,8 +85,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Return a folder with two tiles."""
     folder = tmp_path_factory.mktemp("seam")
     for seed in ("1", "2"):
-        name = str(folder / f"tile_{seed}.h5")
-        assert main(["pack", "tile", *SPHERES, *MADE, *BOX, "--seed", seed, "-o", name]) == 0
+        take_tile(f"seam_{seed}", folder / f"tile_{seed}.h5")
     return folder
 
 
