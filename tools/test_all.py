@@ -1,7 +1,7 @@
 """Run every test suite of Talus and add up what passed and failed.
 
-As many suites run at a time as there are cores, at most two; the cases of verification are the
-last suite and do so themselves.
+As many suites run at a time as there are cores, at most two, and one more, since some wait; the
+cases of verification are the last suite and run in parallel themselves.
 Usage: test_all.py [--bin build/bin] [--units build/unit] [--only NAME ...]
 Each suite prints its own failures and closes with 'N passed, M failed'; all that it printed, with
 the times of its parts, is kept in build/tests/logs.
@@ -18,6 +18,7 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
+PARTS = 3  # of the tests in Python
 TALLY = re.compile(r"(\d+) passed(?:, (\d+) failed)?")
 PYTEST_FAILED = re.compile(r"(\d+) failed(?:, (\d+) passed)?")
 
@@ -26,10 +27,10 @@ def suites(binaries: Path, units: Path) -> Iterator[tuple[str, list[str]]]:
     """Yield (name, command) of every suite."""
     python = sys.executable
     files = sorted(str(path.relative_to(ROOT)) for path in ROOT.glob("tests/python/test_*.py"))
-    for half in (0, 1):
-        yield f"python {half + 1}", [
+    for part in range(PARTS):
+        yield f"python {part + 1}", [
             python, "-m", "pytest", "-q", "--no-header", "--durations=40", "-x", "-p",
-            "no:cacheprovider", *files[half::2],
+            "no:cacheprovider", *files[part::PARTS],
         ]  # fmt: skip
     yield "keys", [python, "tools/keys.py", "--check"]
     yield "style", [python, "tools/style.py"]
@@ -110,7 +111,7 @@ def main() -> int:
         for suite in [*suites(binaries, options.units.resolve()), verification]
         if not options.only or any(word in suite[0] for word in options.only)
     ]
-    with ThreadPoolExecutor(jobs) as pool:
+    with ThreadPoolExecutor(jobs + 1) as pool:
         tallies = list(pool.map(run_suite, [suite for suite in wanted if suite != verification]))
     tallies += [run_suite(verification)] if verification in wanted else []
     passed, failed = sum(good for good, _ in tallies), sum(bad for _, bad in tallies)
