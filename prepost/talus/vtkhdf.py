@@ -43,10 +43,13 @@ def grid_of_points(x: np.ndarray) -> Grid:
 
 
 def grid_of_mesh(x: np.ndarray, elements: dict[str, np.ndarray]) -> Grid:
-    """Return the mesh of a solid; its order of nodes is that of VTK."""
+    """Return the mesh of a solid; its order of nodes is that of VTK.
+
+    Readers want node numbers and their ends in one type.
+    """
     types = np.concatenate([np.full(len(rows), VTK[kind]) for kind, rows in elements.items()])
     sizes = np.concatenate([np.full(len(rows), rows.shape[1]) for rows in elements.values()])
-    nodes = np.concatenate([rows.ravel() for rows in elements.values()])
+    nodes = np.concatenate([rows.ravel() for rows in elements.values()]).astype(np.int64)
     return Grid(x, types.astype(np.uint8), nodes, np.concatenate([[0], np.cumsum(sizes)]))
 
 

@@ -96,6 +96,7 @@ def test_solid(kind: str, tmp_path: Path) -> None:
     assert main(["convert", str(source), "--to", "vtkhdf", "-o", str(target)]) == 0
     with h5py.File(target) as file:
         assert len(file["VTKHDF/Points"]) == n
+        assert file["VTKHDF/Connectivity"].dtype == file["VTKHDF/Offsets"].dtype
     for k, (time, grid) in enumerate(steps_of(target)):
         assert time == TIMES[k] and grid.GetNumberOfCells() == len(rows)
         assert np.array_equal(numbers(grid.GetPoints().GetData()), mesh.x)
