@@ -131,8 +131,9 @@ class Bench:
         process = FORKS.Process(target=run_script, args=(self.scratch, self.environment))
         process.start()
         process.join(LIMIT)
-        if process.exitcode is None:
+        if process.exitcode is None:  # it hangs
             process.kill()
+            process.join()
         said = self.scratch / SAID
         text = said.read_text(errors="replace") if said.exists() else ""
         said.unlink(missing_ok=True)

@@ -18,7 +18,8 @@ def groups_of(deck: dict, name: str) -> list[dict]:
 def motions(deck: Path) -> dict[str, Curve]:
     """Return times [s] and displacements [m] by 'group component' as in `*_reactions.csv`.
 
-    Several motions of one component are left out, as is all of a deck that is not there.
+    Several motions of one component are left out, as are those without a whole curve and all of a
+    deck that is not there.
     """
     if not deck.is_file():
         return {}
@@ -29,9 +30,9 @@ def motions(deck: Path) -> dict[str, Curve]:
     for motion in groups_of(read, "motion"):
         name = f"{motion.get('group')} {motion.get('component')}"
         curve = curves.get(motion.get("curve"))
-        if curve is None:
+        times, values = (np.ravel((curve or {}).get(key, [])) for key in ("times", "values"))
+        if not 0 < times.size == values.size:
             continue
-        times, values = (np.atleast_1d(np.array(curve[key], float)) for key in ("times", "values"))
         several |= {name} & found.keys()
         found[name] = times, motion.get("scale", 1.0) * values
     return {name: curve for name, curve in found.items() if name not in several}
